@@ -1,0 +1,3 @@
+"""errorscreen: find out what a dynamic simulation gets wrong, and why."""
+
+__version__ = "0.1.0"

@@ -1,0 +1,124 @@
+"""The contract that every simulator keeps; all above this floor knows a simulator only by it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from errorscreen.events import Event
+from errorscreen.exceptions import SimulationError
+from errorscreen.parameters import ParameterSpace
+from errorscreen.recordings import Observation
+
+
+class Status(IntEnum):
+    """How one simulation of a batch ended."""
+
+    OK = 0
+    DIVERGED = 1
+    NO_EQUILIBRIUM = 2
+
+
+REMEDIES = {
+    Status.OK: "",
+    Status.DIVERGED: "a state left the plausible range or became NaN: reduce the step, narrow the parameter "
+    "bounds, or check the units of the recording",
+    Status.NO_EQUILIBRIUM: "no steady state exists for the recorded pre-event values: check the sign and base "
+    "of P and Q, or the limits of the device",
+}
+
+
+@dataclass(frozen=True)
+class Responses:
+    """Responses of a batch of simulations; failures are data.
+
+    Parameters
+    ----------
+    values : ndarray of shape (n, R, L)
+        NaN in every row whose status is not ``Status.OK``.
+    status : ndarray of shape (n,), int
+        `Status` of each row.
+    time : ndarray of shape (L,)
+        Seconds.
+    channels : tuple of str
+        Names of the R channels.
+    """
+
+    values: NDArray[np.float64]
+    status: NDArray[np.int64]
+    time: NDArray[np.float64]
+    channels: tuple[str, ...]
+
+    @property
+    def ok(self) -> NDArray[np.bool_]:
+        """True for rows that ended well, shape (n,)."""
+        return self.status == Status.OK
+
+    def failures(self) -> str:
+        """Count failed rows with their remedy; empty if there are none."""
+        parts = []
+        for status in Status:
+            count = int(np.sum(self.status == status))
+            if count and status != Status.OK:
+                parts.append(f"{count} of {len(self.status)} simulations {status.name}: {REMEDIES[status]}")
+        return "; ".join(parts)
+
+    def require_ok(self, what: str = "simulation") -> Responses:
+        """Return self, or raise `SimulationError` with the remedy if any row failed."""
+        if not self.ok.all():
+            raise SimulationError(f"{what} failed: {self.failures()}.")
+        return self
+
+
+class Simulator(ABC):
+    """An immutable model that turns parameters and an event into responses.
+
+    Attributes
+    ----------
+    parameters : ParameterSpace
+        The m candidate parameters; everything else keeps its value.
+    channels : tuple of str
+        Names of the R observed channels.
+    units : tuple of str
+        Their units.
+    effects : tuple
+        Effects that could be added with `extend`.
+    event : Event
+        The event that `simulate` uses where none is given.
+    """
+
+    parameters: ParameterSpace
+    channels: tuple[str, ...]
+    units: tuple[str, ...]
+    effects: tuple[Any, ...] = ()
+    event: Event
+
+    @abstractmethod
+    def simulate(self, theta: ArrayLike, event: Event | None = None) -> Responses:
+        """Simulate every row of `theta` (n, m); a failed row has a status and NaN, and never raises."""
+
+    @abstractmethod
+    def observe(self, recording: Any) -> Observation:
+        """Bring a recording onto this simulator's channels, units and time grid."""
+
+    def extend(self, effect: Any, **options: Any) -> Simulator:
+        """Return a simulator that includes `effect`, whose parameters join `parameters`.
+
+        Raises
+        ------
+        InputError
+            If this simulator has no port for it.
+        """
+        from errorscreen.exceptions import InputError
+
+        raise InputError(f"{type(self).__name__} has no ports, so {effect!r} cannot be added")
+
+    def baseline(self, event: Event | None = None) -> NDArray[np.float64]:
+        """Response at the nominal parameters, y₀ = F(θ₀), shape (R, L)."""
+        responses = self.simulate(self.parameters.nominal, event)
+        return responses.require_ok("the simulation at the nominal parameters").values[0]
