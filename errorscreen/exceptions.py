@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import difflib
+import math
 from collections.abc import Iterable
+from numbers import Integral, Real
+from typing import Any
 
 
 class ErrorscreenError(Exception):
@@ -64,3 +67,51 @@ def unknown_name(
     near = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
     hint = f" (did you mean {', '.join(repr(n) for n in sorted(near))}?)" if near else ""
     return InputError(f"unknown {kind} {name!r}{hint}", where=where, allowed=", ".join(known), remedy=remedy)
+
+
+def check_integer(value: Any, name: str, *, low: int = 1, high: int | None = None) -> int:
+    """Return `value` as int if it is an integer between `low` and `high`, and raise `InputError` otherwise.
+
+    Examples
+    --------
+    >>> check_integer(3, "k", high=10)
+    3
+    >>> check_integer(12, "k", high=10)
+    Traceback (most recent call last):
+    errorscreen.exceptions.InputError: k is 12. Allowed: an integer from 1 to 10.
+    """
+    good = isinstance(value, Integral) and not isinstance(value, bool)
+    if not good or value < low or (high is not None and value > high):
+        upper = "" if high is None else f" to {high}"
+        raise InputError(f"{name} is {value!r}", allowed=f"an integer from {low}{upper or ' on'}")
+    return int(value)
+
+
+def check_real(
+    value: Any, name: str, *, low: float = -math.inf, high: float = math.inf, above: bool = False
+) -> float:
+    """Return `value` as float if it is a finite number in [low, high], and raise `InputError` otherwise.
+
+    Parameters
+    ----------
+    value : object
+    name : str
+        For the message.
+    low, high : float
+    above : bool, default False
+        Whether `low` itself is excluded.
+
+    Examples
+    --------
+    >>> check_real(0.3, "step", low=0, above=True)
+    0.3
+    >>> check_real(0, "step", low=0, above=True)
+    Traceback (most recent call last):
+    errorscreen.exceptions.InputError: step is 0. Allowed: a number > 0.
+    """
+    good = isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
+    if not good or value > high or value < low or (above and value == low):
+        limits = [f"{'>' if above else '>='} {low:g}"] if low > -math.inf else []
+        limits += [f"<= {high:g}"] if high < math.inf else []
+        raise InputError(f"{name} is {value!r}", allowed=" ".join(["a number", " and ".join(limits)]).strip())
+    return float(value)
