@@ -1,1 +1,8 @@
-""""""
+"""From responses to the images that the network reads: error, wavelet energy, scaling."""
+
+from errorscreen.features.cwt import CWTTransformer
+from errorscreen.features.filterbank import FilterBank
+from errorscreen.features.response_error import ResponseErrorTransformer
+from errorscreen.features.scaling import ChannelScaler
+
+__all__ = ["CWTTransformer", "ChannelScaler", "FilterBank", "ResponseErrorTransformer"]

@@ -1,0 +1,124 @@
+"""Checks that the estimators of this floor share: stacks of signals or images, and options."""
+
+from __future__ import annotations
+
+import numbers
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from sklearn.utils.validation import validate_data
+
+from errorscreen.exceptions import InputError
+
+
+def check_stack(
+    estimator: Any,
+    X: ArrayLike,
+    *,
+    reset: bool,
+    max_ndim: int = 3,
+    dtype: Any = (np.float64, np.float32),
+    **checks: Any,
+) -> NDArray[Any]:
+    """Validate a stack of samples and hold it to the shape seen in fit.
+
+    Sets (`reset`) or compares ``estimator.shape_in_``, the shape of one sample: scikit-learn's own
+    ``n_features_in_`` is only the first axis of it.
+
+    Parameters
+    ----------
+    estimator : estimator
+    X : array-like of shape (n, ...)
+        With 2 to `max_ndim` axes.
+    reset : bool
+        True in fit.
+    max_ndim : int, default 3
+    dtype, **checks
+        Passed to `sklearn.utils.validation.validate_data`.
+
+    Raises
+    ------
+    ValueError
+        What scikit-learn rejects: sparse, text, complex, one axis, values that are not finite.
+    InputError
+        If there are more axes than allowed, or the shape differs from the one in fit.
+    """
+    stack: NDArray[Any] = validate_data(estimator, X, reset=reset, allow_nd=True, dtype=dtype, **checks)
+    name = type(estimator).__name__
+    if stack.ndim > max_ndim:
+        axes = (
+            ["samples", "channels", "frequencies", "time"]
+            if max_ndim == 4
+            else ["samples", "channels", "time"]
+        )
+        raise InputError(
+            f"X has shape {stack.shape}", where=name, allowed=f"({', '.join(axes)}) or (samples, time)"
+        )
+    if reset:
+        estimator.shape_in_ = stack.shape[1:]
+    elif stack.shape[1:] != estimator.shape_in_:
+        expected = ", ".join(map(str, estimator.shape_in_))
+        raise InputError(f"X has shape {stack.shape}", where=name, allowed=f"(n, {expected}), as in fit")
+    return stack
+
+
+def split_channels(X: NDArray[Any], n_channels: int | None, where: str) -> NDArray[Any]:
+    """View a stack as (n, R, L): 2-D input is one channel, or `n_channels` channels in one row after another.
+
+    Examples
+    --------
+    >>> split_channels(np.zeros((5, 12)), 3, "X").shape
+    (5, 3, 4)
+    """
+    if X.ndim == 3:
+        if n_channels not in (None, X.shape[1]):
+            raise InputError(f"X has {X.shape[1]} channels", where=where, allowed=f"n_channels={n_channels}")
+        return X
+    count = 1 if n_channels is None else check_number("n_channels", n_channels, where, integer=True, low=1)
+    if X.shape[1] % count:
+        raise InputError(
+            f"rows of {X.shape[1]} values cannot be divided into {count} channels",
+            where=where,
+            remedy="Change n_channels, or give X as (samples, channels, time)",
+        )
+    return X.reshape(len(X), count, -1)
+
+
+def check_choice(name: str, value: Any, allowed: Sequence[Any], where: str) -> Any:
+    """Return `value` if it is one of `allowed`, else raise `InputError`."""
+    if value not in allowed:
+        raise InputError(f"{name}={value!r}", where=where, allowed=", ".join(map(repr, allowed)))
+    return value
+
+
+def check_number(
+    name: str,
+    value: Any,
+    where: str,
+    *,
+    integer: bool = False,
+    low: float = -np.inf,
+    high: float = np.inf,
+    open_low: bool = False,
+) -> Any:
+    """Return `value` if it is a number in [low, high] (above `low` if `open_low`), else raise `InputError`.
+
+    Examples
+    --------
+    >>> check_number("k", 0, "TopKSelector", integer=True, low=1)
+    Traceback (most recent call last):
+    errorscreen.exceptions.InputError: TopKSelector: k=0. Allowed: an integer, at least 1.
+    """
+    kind = numbers.Integral if integer else numbers.Real
+    inside = isinstance(value, kind) and not isinstance(value, bool)
+    inside = inside and (value > low if open_low else value >= low) and value <= high and np.isfinite(value)
+    if inside:
+        return value
+    allowed = "an integer" if integer else "a number"
+    if np.isfinite(low):
+        allowed += f", {'above' if open_low else 'at least'} {low:g}"
+    if np.isfinite(high):
+        allowed += f", at most {high:g}"
+    raise InputError(f"{name}={value!r}", where=where, allowed=allowed)

@@ -1,0 +1,127 @@
+"""Scaling of images by statistics of the training set."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from sklearn.base import BaseEstimator, TransformerMixin
+from sklearn.utils.validation import check_is_fitted
+
+from errorscreen.features.checks import check_choice, check_stack
+
+# samples handled at a time, so that float64 sums of float32 images need no second copy of them all
+_BLOCK = 64
+
+
+class ChannelScaler(TransformerMixin, BaseEstimator):
+    r"""Standardise each channel by mean and standard deviation of the training set, equation (9).
+
+    :math:`\tilde X_r = (X_r - \mu_r) / \sigma_r`. The statistics run over samples, rows and columns; they are
+    set in fit and frozen afterwards, so measured images are scaled like the training images.
+
+    Parameters
+    ----------
+    by : {"channel", "row"}, default "channel"
+        One mean and deviation for each channel, or one for each row (frequency) of each channel.
+
+    Attributes
+    ----------
+    mean_, scale_ : ndarray of shape (R, 1, 1), or (R, H, 1) with ``by="row"``
+        Where the training set is constant, the scale is 1.
+    shape_in_ : tuple
+        Shape of one sample in fit.
+    n_features_in_ : int
+        Length of the axis after the samples.
+
+    Notes
+    -----
+    Input is (n, R, H, W); (n, R, L) is read as images of one row, and (n, F) as one channel of one row. The
+    result has the shape and the precision of the input.
+
+    Examples
+    --------
+    >>> images = np.array([[[[1.0, 3.0]], [[10.0, 10.0]]]])
+    >>> ChannelScaler().fit_transform(images)
+    array([[[[-1.,  1.]],
+    <BLANKLINE>
+            [[ 0.,  0.]]]])
+    """
+
+    def __init__(self, by: str = "channel") -> None:
+        self.by = by
+
+    def fit(self, X: ArrayLike, y: Any = None) -> ChannelScaler:
+        """Compute the statistics.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, R, H, W), (n, R, L) or (n, F)
+        y : ignored
+        """
+        check_choice("by", self.by, ("channel", "row"), type(self).__name__)
+        images = _as_images(check_stack(self, X, reset=True, max_ndim=4))
+        axes = (0, 2, 3) if self.by == "channel" else (0, 3)
+        count = np.prod([images.shape[axis] for axis in axes])
+
+        def sums(blocks: Iterator[NDArray[np.float64]]) -> NDArray[np.float64]:
+            return sum(block.sum(axis=axes, keepdims=True)[0] for block in blocks)
+
+        def blocks() -> Iterator[NDArray[np.float64]]:
+            return (images[i : i + _BLOCK].astype(float) for i in range(0, len(images), _BLOCK))
+
+        self.mean_ = sums(blocks()) / count
+        scale = np.sqrt(sums((block - self.mean_) ** 2 for block in blocks()) / count)
+        # below the rounding of the mean there is no deviation to speak of
+        constant = scale <= 10 * np.finfo(images.dtype).eps * np.abs(self.mean_)
+        self.scale_ = np.where(constant, 1.0, scale)
+        return self
+
+    def transform(self, X: ArrayLike) -> NDArray[Any]:
+        """Scale images by the statistics of the training set.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, R, H, W), (n, R, L) or (n, F)
+
+        Returns
+        -------
+        ndarray of the shape of X
+        """
+        check_is_fitted(self)
+        X = check_stack(self, X, reset=False, max_ndim=4)
+        images = _as_images(X)
+        out = (images - self.mean_.astype(X.dtype)) / self.scale_.astype(X.dtype)
+        return out.reshape(X.shape)
+
+    def inverse_transform(self, X: ArrayLike) -> NDArray[Any]:
+        """Undo `transform`.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, R, H, W), (n, R, L) or (n, F)
+
+        Returns
+        -------
+        ndarray of the shape of X
+        """
+        check_is_fitted(self)
+        X = check_stack(self, X, reset=False, max_ndim=4)
+        out = _as_images(X) * self.scale_.astype(X.dtype) + self.mean_.astype(X.dtype)
+        return out.reshape(X.shape)
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.input_tags.three_d_array = True
+        tags.transformer_tags.preserves_dtype = ["float64", "float32"]
+        return tags
+
+
+def _as_images(X: NDArray[Any]) -> NDArray[Any]:
+    """View a stack of 2 to 4 axes as (n, R, H, W)."""
+    if X.ndim == 4:
+        return X
+    channels = 1 if X.ndim == 2 else X.shape[1]
+    return X.reshape(len(X), channels, 1, X.shape[-1])

@@ -1,0 +1,67 @@
+import numpy as np
+import pytest
+import pywt
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from errorscreen.exceptions import InputError
+from errorscreen.features import FilterBank
+from errorscreen.features.filterbank import central_frequency, effective_radius, read_wavelet
+
+NAMED = [name for name in pywt.wavelist(kind="continuous") if name not in ("cmor", "fbsp", "shan")]
+BANDWIDTHS = st.floats(0.5, 5).map(lambda value: f"{value:.3f}")
+CENTRES = st.floats(0.5, 3).map(lambda value: f"{value:.3f}")
+WAVELETS = st.one_of(
+    st.sampled_from(NAMED),
+    st.builds("cmor{}-{}".format, BANDWIDTHS, CENTRES),
+    st.builds("shan{}-{}".format, BANDWIDTHS, CENTRES),
+    st.builds("fbsp{}-{}-{}".format, st.integers(1, 4), BANDWIDTHS, CENTRES),
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    wavelet=WAVELETS,
+    n_times=st.integers(1, 300),
+    scales=st.lists(st.floats(0.4, 400), min_size=1, max_size=4),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_coefficients_are_those_of_pywt(wavelet, n_times, scales, seed):
+    signals = np.random.default_rng(seed).normal(size=(2, n_times))
+    expected = pywt.cwt(signals, scales, wavelet)[0].transpose(1, 0, 2)
+    tolerance = 1e-12 * np.abs(expected).max()
+    coefficients = FilterBank(scales, wavelet, n_times).transform(signals)
+    assert coefficients.dtype == expected.dtype
+    np.testing.assert_allclose(coefficients, expected, rtol=0, atol=tolerance)
+    single = FilterBank(scales, wavelet, n_times, np.float32).transform(signals.astype(np.float32))
+    assert single.dtype == (np.complex64 if np.iscomplexobj(expected) else np.float32)
+    np.testing.assert_allclose(single, expected, rtol=0, atol=3e-6 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("wavelet", [*NAMED, "cmor2.0-1.0"])
+def test_frequencies_are_those_of_pywt(wavelet):
+    scales = np.array([2.0, 7.0])
+    expected = pywt.cwt(np.zeros(10), scales, wavelet, sampling_period=0.01)[1]
+    np.testing.assert_allclose(central_frequency(read_wavelet(wavelet)) / (scales * 0.01), expected)
+
+
+def test_the_radius_grows_with_the_width_of_the_wavelet():
+    narrow, wide = (effective_radius(read_wavelet(f"cmor{b}-1.0")) for b in (1.0, 4.0))
+    assert wide == pytest.approx(2 * narrow, rel=1e-3)
+
+
+@pytest.mark.parametrize("name", ["cmor", "db2", "Morlet", "nothing", "", None, 3, "cmor1-x"])
+def test_a_name_that_is_no_continuous_wavelet_is_an_input_error(name):
+    with pytest.raises(InputError, match="Allowed: cgau1"):
+        FilterBank([4], name, 10)
+
+
+@pytest.mark.parametrize("scale", [0.0, -1.0, np.nan])
+def test_scales_must_be_positive(scale):
+    with pytest.raises(InputError, match="positive scales"):
+        FilterBank([1.0, scale], "morl", 10)
+
+
+def test_a_scale_too_small_to_sample_the_wavelet_is_an_input_error():
+    with pytest.raises(InputError, match="Lower the highest frequency"):
+        FilterBank([0.01], "morl", 10)
