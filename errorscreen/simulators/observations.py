@@ -1,0 +1,90 @@
+"""Recordings on a simulator's channels and time grid, checked once for all that compare with them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from errorscreen.exceptions import InputError
+from errorscreen.parameters import ParameterSpace
+from errorscreen.recordings import Observation
+from errorscreen.simulators.base import Simulator
+
+
+def as_observations(simulator: Simulator, recordings: Any) -> list[Observation]:
+    """Bring one recording or several onto a simulator's channels and time grid.
+
+    Parameters
+    ----------
+    simulator : Simulator
+    recordings : Observation, or anything ``simulator.observe`` takes, or a list or tuple of them
+
+    Returns
+    -------
+    list of Observation
+
+    Raises
+    ------
+    InputError
+        If there is no recording, or one has other channels or shapes than the simulator, no measured value
+        at all, or a noise that is not positive.
+    """
+    if not isinstance(simulator, Simulator):
+        raise InputError(
+            f"simulator is a {type(simulator).__name__}", allowed="an object of a subclass of Simulator"
+        )
+    items = recordings if isinstance(recordings, list | tuple) else [recordings]
+    if not items:
+        raise InputError("the list of recordings is empty", allowed="at least one recording")
+    observations = []
+    for number, item in enumerate(items, start=1):
+        observation = item if isinstance(item, Observation) else simulator.observe(item)
+        _check(observation, simulator, f"recording {number} ({observation.event.name})")
+        observations.append(observation)
+    return observations
+
+
+def check_names(parameters: ParameterSpace, names: Iterable[str] | None) -> tuple[str, ...]:
+    """Return the names of a selection of parameters, all where none is given.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown or appears twice, or the selection is empty.
+    """
+    if isinstance(names, str):
+        raise InputError(f"names is the text {names!r}", allowed="a list of parameter names")
+    return parameters.names if names is None else _unique(parameters.subset(names))
+
+
+def _unique(space: ParameterSpace) -> tuple[str, ...]:
+    if not len(space):
+        raise InputError("the selection of parameters is empty", allowed="at least one name")
+    return space.names
+
+
+def _check(observation: Observation, simulator: Simulator, where: str) -> None:
+    if tuple(observation.channels) != tuple(simulator.channels):
+        raise InputError(
+            f"the channels are {', '.join(observation.channels)}",
+            where=where,
+            allowed=f"the simulator's: {', '.join(simulator.channels)}",
+            remedy="Use simulator.observe(recording)",
+        )
+    shape = (len(simulator.channels), len(observation.time))
+    if np.shape(observation.values) != shape:
+        raise InputError(
+            f"the values have shape {np.shape(observation.values)}", where=where, allowed=f"{shape}"
+        )
+    noise = np.asarray(observation.noise, dtype=float)
+    if noise.shape != shape[:1] or not np.all(np.isfinite(noise) & (noise > 0)):
+        raise InputError(
+            f"the noise of the channels is {noise}",
+            where=where,
+            allowed="one positive standard deviation for each channel",
+            remedy="Give the noise of each channel in its unit",
+        )
+    if not observation.mask.any():
+        raise InputError("no value was measured in any channel", where=where, allowed="at least one value")
