@@ -1,0 +1,58 @@
+r"""Excitation system SEXS: voltage control of a machine whose model has a constant field voltage.
+
+PSS/E model library and IEEE Std 421.5 (simplified excitation system), in deviations from the equilibrium:
+
+.. math::
+
+    e &= V_0 - V                                                             & (X1)\\
+    T_B\,\dot x &= e - x,\quad y = x + (T_A/T_B)(e - x)                        & (X2)\\
+    T_E\,\dot E &= K y - E,\quad E_{min} \le E_{fd0} + E \le E_{max}             & (X3)\\
+    E_{fd} &= E_{fd0} + E                                                      & (X4)
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from errorscreen.effects.base import Effect, Values
+from errorscreen.engine.vmath import clip, hold_at_limits
+from errorscreen.parameters import Parameter
+
+_E_MIN, _E_MAX = 0.0, 5.0
+
+
+def sexs(value: Any, V: Any, V0: Any, Efd0: Any, x: Any, E: Any, K: Any, TA_TB: Any, TB: Any, TE: Any) -> Any:
+    """Field voltage and derivatives of lead-lag and exciter, (X1) to (X4)."""
+    e = V0 - V
+    y = x + TA_TB * (e - x)
+    # limits never cut into the equilibrium, so that K = 0 is an identity at any loading
+    low = clip(_E_MIN - Efd0, -1e9, 0.0)
+    high = clip(_E_MAX - Efd0, 0.0, 1e9)
+    return value + clip(E, low, high), (e - x) / TB, hold_at_limits(E, (K * y - E) / TE, low, high)
+
+
+def _start(values: Values, h: float) -> Values:
+    return {"V0": values["V"] * np.ones_like(values["K"])}
+
+
+EXCITER = Effect(
+    name="exciter",
+    title="Excitation system (SEXS)",
+    port="Efd",
+    equations=sexs,
+    parameters=(
+        Parameter("K", 100.0, 0.0, 400.0, "pu", "exciter", "K", "gain; 0 leaves the field voltage constant"),
+        Parameter("TA_TB", 0.1, 0.02, 1.0, "", "exciter", "T_A/T_B", "transient gain reduction"),
+        Parameter("TB", 10.0, 1.0, 20.0, "s", "exciter", "T_B", "lag time constant"),
+        Parameter("TE", 0.1, 0.02, 1.5, "s", "exciter", "T_E", "exciter time constant"),
+    ),
+    states=("x", "E"),
+    derived=("V0",),
+    initialise=_start,
+    description="The voltage regulator raises the field voltage when the terminal voltage falls. A model with constant "
+    "field voltage misses the slow rise of reactive power after a dip and part of the damping.",
+    source="PSS/E model SEXS; IEEE Std 421.5",
+    confused_with=("a larger or smaller T'd0", "a field-current limiter", "a power system stabiliser"),
+)

@@ -1,0 +1,181 @@
+"""Runs a model: compiled in lanes, compiled one by one, or in NumPy; all three agree bit for bit.
+
+Lanes: 16 simulations lie side by side in memory and the inner loop over them becomes vector instructions.
+Below four simulations the scalar kernel (one lane) is faster.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from errorscreen.engine.codegen import Layout, load_module
+from errorscreen.engine.stages import Model
+
+LANES = 16
+SCALAR_BELOW = 4
+#: blocks per task: small enough to share the work, large enough to make the hand-over negligible
+_BLOCKS_PER_TASK = 4
+
+
+class Engine:
+    """Integrates a model for many parameter sets at once with the fixed-step Runge-Kutta method of order four.
+
+    Parameters
+    ----------
+    model : Model
+    n_threads : int, optional
+        Threads that share the blocks of simulations; by default numba's setting, which joblib's worker
+        processes limit. The result does not depend on it.
+
+    Examples
+    --------
+    >>> from errorscreen.engine.stages import Call
+    >>> from errorscreen.engine.examples import decay
+    >>> model = Model("decay", ("u",), ("x",), ("T",), (Call(decay, ("x", "u", "T"), ("d_x",)),), ("x",))
+    >>> engine = Engine(model)
+    >>> y = engine.integrate(np.ones((1, 1)), np.ones((1, 1)), np.zeros((201, 1)), h=0.01)
+    >>> bool(abs(y[0, 0, -1] - np.exp(-1)) < 1e-9)
+    True
+    """
+
+    def __init__(self, model: Model, n_threads: int | None = None) -> None:
+        self.model = model
+        self.layout = Layout.of(model)
+        self.n_threads = n_threads
+
+    def integrate(
+        self,
+        x0: NDArray[np.float64],
+        constants: NDArray[np.float64],
+        u: NDArray[np.float64],
+        *,
+        h: float,
+        every: int = 1,
+        memories: NDArray[np.float64] | None = None,
+    ) -> NDArray[np.float64]:
+        """Integrate and record the outputs.
+
+        Parameters
+        ----------
+        x0 : ndarray of shape (n, n_states)
+            Initial states in the order of ``model.states``.
+        constants : ndarray of shape (n, n_constants)
+        u : ndarray of shape (2 * n_steps + 1, n_inputs)
+            Inputs at every half step.
+        h : float
+            Step in seconds.
+        every : int
+            Outputs are recorded at each `every`-th step, the first included.
+        memories : ndarray of shape (n, n_memories), optional
+            Start values of what sampled calls remember.
+
+        Returns
+        -------
+        ndarray of shape (n, n_outputs, n_steps // every + 1)
+            A simulation that diverges holds values that are not finite.
+        """
+        n = len(x0)
+        lanes = 1 if n < SCALAR_BELOW else LANES
+        model, layout = self.model, self.layout
+        order = [model.states.index(name) for name in layout.states]
+        memories = np.zeros((n, len(model.memories))) if memories is None else memories
+        blocks = -(-n // lanes)
+        on = self._any_in_block(constants, model.switches, blocks, lanes)
+        active = np.ones((blocks, len(layout.spans)), dtype=bool)
+        active[:, 1:] = self._any_in_block(constants, tuple(s for s, _ in model.gated), blocks, lanes)
+        out = np.full((n, len(model.outputs), (len(u) // 2) // every + 1), np.nan)
+        arguments = (
+            np.ascontiguousarray(x0[:, order]),
+            np.ascontiguousarray(constants, dtype=float),
+            np.ascontiguousarray(memories, dtype=float),
+            np.ascontiguousarray(u, dtype=float),
+            float(h),
+            int(every),
+            np.array(layout.spans, dtype=np.int64).reshape(-1, 2),
+            active,
+            np.array([layout.rows[name] for name in model.outputs], dtype=np.int64),
+            on,
+            out,
+        )
+        kernel = load_module(model, lanes).integrate
+        tasks = [(b, min(b + _BLOCKS_PER_TASK, blocks)) for b in range(0, blocks, _BLOCKS_PER_TASK)]
+        threads = min(self.n_threads or numba.config.NUMBA_NUM_THREADS, len(tasks))
+        if threads <= 1:
+            kernel(*arguments, 0, blocks)
+        else:  # the kernel releases the interpreter lock
+            with ThreadPoolExecutor(threads) as pool:
+                list(pool.map(lambda task: kernel(*arguments, *task), tasks))
+        return out
+
+    def _any_in_block(
+        self, constants: NDArray[np.float64], names: tuple[str, ...], blocks: int, lanes: int
+    ) -> NDArray[np.bool_]:
+        """True where a quantity is nonzero in any simulation of a block, shape (blocks, len(names))."""
+        nonzero = np.zeros((blocks * lanes, len(names)), dtype=bool)
+        nonzero[: len(constants)] = constants[:, [self.model.constants.index(name) for name in names]] != 0
+        return np.asarray(nonzero.reshape(blocks, lanes, len(names)).any(axis=1))
+
+
+class ReferenceEngine(Engine):
+    """The same model in plain NumPy: readable, slow, and the oracle of the tests."""
+
+    def integrate(
+        self,
+        x0: NDArray[np.float64],
+        constants: NDArray[np.float64],
+        u: NDArray[np.float64],
+        *,
+        h: float,
+        every: int = 1,
+        memories: NDArray[np.float64] | None = None,
+    ) -> NDArray[np.float64]:
+        """Integrate and record the outputs; see `Engine.integrate`."""
+        model, n = self.model, len(x0)
+        memories = np.zeros((n, len(model.memories))) if memories is None else memories
+        b = dict(zip(model.states, x0.T.astype(float), strict=True))
+        b |= dict(zip(model.constants, constants.T, strict=True))
+        b |= dict(zip(model.memories, memories.T.astype(float), strict=True))
+        steps = len(u) // 2
+        out = np.full((n, len(model.outputs), steps // every + 1), np.nan)
+        with np.errstate(all="ignore"):  # divergence is data: it shows as values that are not finite
+            for step in range(steps + 1):
+                f1 = self._derivatives(b, u[2 * step])
+                self._evaluate(b, u[2 * step], each_step=True)
+                if step % every == 0:
+                    out[:, :, step // every] = np.array([b[name] for name in model.outputs]).T
+                if step == steps:
+                    break
+                start = {name: b[name] for name in model.states}
+                b |= {name: start[name] + 0.5 * h * f1[name] for name in start}
+                f2 = self._derivatives(b, u[2 * step + 1])
+                b |= {name: start[name] + 0.5 * h * f2[name] for name in start}
+                f3 = self._derivatives(b, u[2 * step + 1])
+                b |= {name: start[name] + h * f3[name] for name in start}
+                f4 = self._derivatives(b, u[2 * step + 2])
+                for name in start:
+                    total = ((f1[name] + 2.0 * f2[name]) + 2.0 * f3[name]) + f4[name]
+                    b[name] = start[name] + h / 6.0 * total
+        return out
+
+    def _evaluate(
+        self, b: dict[str, NDArray[np.float64]], u: NDArray[np.float64], *, each_step: bool
+    ) -> None:
+        b |= {
+            name: np.full_like(next(iter(b.values())), value)
+            for name, value in zip(self.model.inputs, u, strict=True)
+        }
+        for call in self.model.calls:
+            if call.each_step == each_step and (not call.switch or np.any(b[call.switch] != 0)):
+                results = call.function(*(b[name] for name in call.reads))
+                b |= dict(zip(call.writes, results, strict=True))
+
+    def _derivatives(
+        self, b: dict[str, NDArray[np.float64]], u: NDArray[np.float64]
+    ) -> dict[str, NDArray[np.float64]]:
+        self._evaluate(b, u, each_step=False)
+        zero = np.zeros_like(next(iter(b.values())))
+        return {name: np.asarray(b.get(f"d_{name}", zero)) for name in self.model.states}

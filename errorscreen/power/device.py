@@ -1,0 +1,114 @@
+"""What every device declares: parameters, constants, states, equations and its exact equilibrium."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from errorscreen.engine.stages import Equations
+from errorscreen.exceptions import unknown_name
+from errorscreen.parameters import Parameter, ParameterSpace
+
+Values = dict[str, NDArray[np.float64]]
+
+
+@dataclass(frozen=True)
+class Constant:
+    """A value of a device that is not a candidate for calibration.
+
+    Parameters
+    ----------
+    name : str
+    value : float
+    unit, description : str
+    """
+
+    name: str
+    value: float
+    unit: str = ""
+    description: str = ""
+
+
+@dataclass(frozen=True)
+class Device:
+    """A dynamic device at a terminal whose voltage is given.
+
+    All quantities are in per unit of the device's own base unless a unit is stated; power is positive when
+    generated. The terminal voltage enters as ``Vr``, ``Vi`` in a frame that rotates at the pre-event
+    frequency.
+
+    Parameters
+    ----------
+    name : str
+        For example ``"synchronous_machine"``.
+    title : str
+        For reports.
+    candidates : ParameterSpace
+        The candidate parameters with typical values and ranges.
+    constants : tuple of Constant
+        Everything else that the equations need.
+    states : tuple of str
+    setpoints : tuple of str
+        References that `initialise` computes so that the device rests at the given operating point.
+    stages : tuple of callable
+        Functions of equations (`errorscreen.engine.stage`) in the order of evaluation.
+    initialise : callable
+        ``initialise(values) -> (states, setpoints, feasible)``: equilibrium from a mapping that holds parameters,
+        constants and the operating point ``V, P, Q, angle``, each of shape (n,).
+    ports : mapping of str to str
+        Quantities at which an effect may act, with their meaning.
+    needs_angle : bool
+        True if the response depends on how the angle of the terminal voltage moves.
+    source : str
+        Where the equations come from.
+    """
+
+    name: str
+    title: str
+    candidates: ParameterSpace
+    constants: tuple[Constant, ...]
+    states: tuple[str, ...]
+    setpoints: tuple[str, ...]
+    stages: tuple[Equations, ...]
+    initialise: Callable[[Values], tuple[Values, Values, NDArray[np.bool_]]]
+    ports: Mapping[str, str]
+    needs_angle: bool
+    source: str
+
+    inputs = ("Vr", "Vi")
+    outputs = ("P", "Q")
+
+    def constant_values(self, changes: Mapping[str, float] | None = None) -> dict[str, float]:
+        """Values of the constants, with the user's own in place of the defaults.
+
+        Raises
+        ------
+        InputError
+            If a name is not a constant of this device.
+        """
+        values = {c.name: c.value for c in self.constants}
+        for name, value in (changes or {}).items():
+            if name not in values:
+                raise unknown_name(name, values, kind="constant", where=f"device {self.name!r}")
+            values[name] = float(value)
+        return values
+
+
+def relative_parameters(device: str, rows: str, spread: float = 0.3) -> ParameterSpace:
+    """Parameter table of a device: ``name | symbol | unit | nominal | description`` a line, bounds at ± `spread`.
+
+    Examples
+    --------
+    >>> relative_parameters("plant", "Tg | T_g | s | 0.02 | current lag").bounds
+    array([[0.014, 0.026]])
+    """
+    parameters = []
+    for row in rows.strip().splitlines():
+        name, symbol, unit, nominal, description = (cell.strip() for cell in row.split("|"))
+        value = float(nominal)
+        low, high = sorted((round(value * (1 - spread), 12), round(value * (1 + spread), 12)))
+        parameters.append(Parameter(name, value, low, high, unit, device, symbol, description))
+    return ParameterSpace(parameters)

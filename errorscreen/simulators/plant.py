@@ -1,0 +1,271 @@
+"""Plant playback: one device, driven by the voltage recorded at its terminal."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from errorscreen.effects import LIBRARY, Effect
+from errorscreen.engine import Engine, ReferenceEngine
+from errorscreen.events import Event, Playback
+from errorscreen.exceptions import InputError, unknown_name
+from errorscreen.parameters import ParameterSpace
+from errorscreen.power import DEVICES, Device
+from errorscreen.recordings import Observation, Recording
+from errorscreen.simulators.assembly import assemble
+from errorscreen.simulators.base import Responses, Simulator, Status
+from errorscreen.simulators.playback import playback_observation
+
+#: a response beyond this is not a machine's or a converter's, in pu
+_PLAUSIBLE = 1e3
+
+
+class PlantSimulator(Simulator):
+    """Active and reactive power of one device at the voltage that was recorded at its terminal.
+
+    This is how plant models are validated in the field, because no model of the grid is needed. Every parameter
+    vector starts at its own exact equilibrium of the recorded pre-event voltage and power.
+
+    Parameters
+    ----------
+    device : Device or str
+        A device or its name: ``"synchronous_machine"``, ``"dfig_plant"``, ``"pv_plant"``.
+    recording : Recording, Observation or Playback
+        Gives the default event, and the channels where `channels` is not given.
+    parameters : ParameterSpace, optional
+        Candidate parameters, a subset of the device's in any order, with their nominal values and bounds;
+        those left out stay at the device's typical value. All of the device's own where not given.
+    constants : mapping of str to float, optional
+        Values of the device's other constants.
+    channels : iterable of str, optional
+        Of ``"P"``, ``"Q"``; those that were recorded where not given.
+    step : float
+        Longest step of the integration in seconds; the step used divides the step of the time axis.
+    dt : float, optional
+        Step of the time axis on which recordings are compared; their median sample distance where not given.
+    operating_point : mapping of str to float, optional
+        Pre-event ``"P"`` or ``"Q"`` in pu, for what was not recorded.
+    effects : iterable of Effect, optional
+        Library compiled in; the device's own library where not given.
+    n_threads : int, optional
+        Threads of the engine; numba's setting where not given. The result does not depend on it.
+    engine : {"compiled", "numpy"}
+        ``"numpy"`` is the slow reference path of the same equations.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> time = np.arange(0, 2, 0.02)
+    >>> voltage = np.where((time > 0.5) & (time < 0.6), 0.7, 1.0)
+    >>> event = Playback(time, "dip", 0.5, {"V": voltage}, {"V": 1.0, "P": 0.8, "Q": 0.1})
+    >>> plant = PlantSimulator("pv_plant", event)
+    >>> responses = plant.simulate(plant.parameters.nominal)
+    >>> responses.values.shape, bool(responses.ok.all())
+    ((1, 2, 100), True)
+    """
+
+    def __init__(
+        self,
+        device: Device | str,
+        recording: Recording | Observation | Playback,
+        *,
+        parameters: ParameterSpace | None = None,
+        constants: Mapping[str, float] | None = None,
+        channels: Iterable[str] | None = None,
+        step: float = 0.0025,
+        dt: float | None = None,
+        operating_point: Mapping[str, float] | None = None,
+        effects: Iterable[Effect] | None = None,
+        n_threads: int | None = None,
+        engine: str = "compiled",
+    ) -> None:
+        if isinstance(device, str):
+            if device not in DEVICES:
+                raise unknown_name(device, DEVICES, kind="device")
+            device = DEVICES[device]
+        if not step > 0:
+            raise InputError(
+                f"the step is {step}", where="PlantSimulator", allowed="a positive number of seconds"
+            )
+        engines = {"compiled": Engine, "numpy": ReferenceEngine}
+        if engine not in engines:
+            raise unknown_name(engine, engines, kind="engine")
+        self.device = device
+        self.parameters = device.candidates if parameters is None else parameters
+        for name in self.parameters.names:
+            device.candidates.index(name)
+        self.constants = device.constant_values(constants)
+        self.effects = tuple(LIBRARY.get(device.name, ()) if effects is None else effects)
+        self.extensions: tuple[Effect, ...] = ()
+        self.step, self.dt = step, dt
+        self.operating_point = dict(operating_point or {})
+        self._engine = engines[engine](assemble(device, self.effects), n_threads)
+        self.channels = _channels(recording, channels, device.outputs)
+        self.units = ("pu",) * len(self.channels)
+        self.event = recording if isinstance(recording, Playback) else self.observe(recording).event
+
+    def __repr__(self) -> str:
+        added = "".join(f" + {effect.name}" for effect in self.extensions)
+        return f"PlantSimulator({self.device.name}{added}, {len(self.parameters)} parameters)"
+
+    def observe(self, recording: Any) -> Observation:
+        """Bring a recording onto this simulator's channels, units (pu) and time grid.
+
+        Parameters
+        ----------
+        recording : Recording or Observation
+
+        Raises
+        ------
+        InputError
+            If it lacks what the injection needs, or is not a recording.
+        """
+        if isinstance(recording, Observation):
+            return recording
+        if not isinstance(recording, Recording):
+            raise InputError(
+                f"a {type(recording).__name__} is not a recording", allowed="Recording, Observation"
+            )
+        return playback_observation(
+            recording,
+            self.channels,
+            dt=self.dt,
+            needs_angle=self.device.needs_angle,
+            operating_point=self.operating_point,
+        )
+
+    def extend(self, effect: Effect | str, **options: Any) -> PlantSimulator:
+        """Add an effect of the library; its parameters join `parameters`, the strength first.
+
+        Parameters
+        ----------
+        effect : Effect or str
+            One of `effects`, or its name.
+        **options : mapping
+            Changes of a parameter's fields by its short name, for example ``K={"nominal": 50.0}``.
+
+        Returns
+        -------
+        PlantSimulator
+        """
+        name = effect if isinstance(effect, str) else effect.name
+        library = {e.name: e for e in self.effects}
+        if name not in library:
+            raise unknown_name(name, library, kind="effect", where=repr(self))
+        if name in {e.name for e in self.extensions}:
+            raise InputError(f"the effect {name!r} has been added before", where=repr(self))
+        added = library[name]
+        space = ParameterSpace(added.parameters).replace(options)
+        extended = copy.copy(self)
+        extended.parameters = self.parameters.extend(replace(p, name=added.local(p.name)) for p in space)
+        extended.extensions = (*self.extensions, added)
+        return extended
+
+    def simulate(self, theta: ArrayLike, event: Event | None = None) -> Responses:
+        """Simulate every row of `theta`; see `Simulator.simulate`.
+
+        Parameters
+        ----------
+        theta : array-like of shape (n, m)
+        event : Playback, optional
+            `self.event` where not given.
+        """
+        theta = self.parameters.validate(theta)
+        event = self.event if event is None else event
+        if not isinstance(event, Playback):
+            raise InputError(f"a plant cannot be driven by a {type(event).__name__}", allowed="Playback")
+        every = max(1, int(np.ceil(event.dt / self.step - 1e-9)))
+        h = event.dt / every
+        values = self._values(theta, event)
+        with np.errstate(all="ignore"):  # an absurd parameter shows in `feasible`
+            states, setpoints, feasible = self.device.initialise(values)
+        x0, constants, memories = self._rows({**values, **states, **setpoints}, h)
+        finite = np.isfinite(x0).all(axis=1) & np.isfinite(constants).all(axis=1)
+        start = np.broadcast_to(feasible, finite.shape) & finite
+        out = np.full((len(theta), len(self.device.outputs), len(event.time)), np.nan)
+        if start.any():
+            out[start] = self._engine.integrate(
+                x0[start],
+                constants[start],
+                _inputs(event, every, self.device.needs_angle),
+                h=h,
+                every=every,
+                memories=memories[start],
+            )
+        with np.errstate(invalid="ignore"):
+            well = (np.abs(out) < _PLAUSIBLE).all(axis=(1, 2))
+        out[~well] = np.nan
+        status = np.where(start, np.where(well, Status.OK, Status.DIVERGED), Status.NO_EQUILIBRIUM)
+        rows = [self.device.outputs.index(name) for name in self.channels]
+        return Responses(out[:, rows], status.astype(np.int64), event.time, self.channels)
+
+    def _values(self, theta: NDArray[np.float64], event: Playback) -> dict[str, NDArray[np.float64]]:
+        """All constants, parameters and the operating point by name, each of shape (n,)."""
+        one = np.ones(len(theta))
+        values = {p.name: p.nominal * one for p in self.device.candidates}
+        values |= {name: value * one for name, value in self.constants.items()}
+        for effect in self.effects:  # compiled in, but off
+            values |= {effect.local(p.name): p.nominal * one for p in effect.parameters}
+            values[effect.local(effect.strength.name)] = 0.0 * one
+        values |= dict(zip(self.parameters.names, theta.T, strict=True))
+        values |= {name: float(event.initial[name]) * one for name in ("V", "P", "Q")}
+        return values | {"angle": 0.0 * one}
+
+    def _rows(
+        self, values: dict[str, NDArray[np.float64]], h: float
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Initial states, constants and memories in the order of the model, each of shape (n, ...)."""
+        model = self._engine.model
+        one = np.ones(len(values["V"]))
+        for effect in self.effects:
+            own = {p.name: values[effect.local(p.name)] for p in effect.parameters}
+            own = effect.initialise({**values, **own}, h)
+            values |= {effect.local(name): own.get(name, 0.0) * one for name in effect.own if name not in
+                       {p.name for p in effect.parameters}}  # fmt: skip
+        names = (model.states, model.constants, model.memories)
+        return tuple(np.array([values[n] for n in group]).reshape(len(group), len(one)).T for group in names)  # type: ignore[return-value]
+
+
+def _channels(recording: Any, channels: Iterable[str] | None, outputs: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of the observed channels."""
+    if channels is not None:
+        channels = tuple(channels)
+        for name in channels:
+            if name not in outputs:
+                raise unknown_name(name, outputs, kind="channel", where="PlantSimulator")
+    elif isinstance(recording, Playback):
+        channels = outputs
+    elif isinstance(recording, Observation):
+        channels = recording.channels
+    else:
+        channels = tuple(name for name in outputs if name in recording.channels)
+    if not channels:
+        raise InputError(
+            "neither P nor Q was recorded, so there is nothing to compare with", where="PlantSimulator"
+        )
+    return channels
+
+
+def _inputs(event: Playback, every: int, needs_angle: bool) -> NDArray[np.float64]:
+    """Terminal voltage Vr, Vi at every half step, shape (2 * n_steps + 1, 2).
+
+    Magnitude and angle are interpolated linearly between samples, so that a turning phasor keeps its length.
+    """
+    if "V" not in event.signals or (needs_angle and "angle" not in event.signals):
+        raise InputError(
+            f"the event {event.name!r} has the signals {', '.join(event.signals) or 'none'}",
+            allowed="V, and angle for this device",
+        )
+    half_steps = 2 * every * (len(event.time) - 1) + 1
+    position = np.arange(half_steps) / (2 * every)
+    samples = np.arange(len(event.time))
+    V = np.interp(position, samples, event.signals["V"])
+    if "angle" not in event.signals:
+        return np.column_stack([V, np.zeros_like(V)])
+    angle = np.interp(position, samples, event.signals["angle"])
+    return np.column_stack([V * np.cos(angle), V * np.sin(angle)])
