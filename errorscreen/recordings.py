@@ -2,12 +2,303 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from errorscreen import preparation, resampling, signals
 from errorscreen.events import Event
+from errorscreen.exceptions import InputError, unknown_name
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+#: Units of the channels whose meaning is fixed by their name.
+ROLE_UNITS = {"V": "pu", "angle": "rad", "f": "Hz", "P": "pu", "Q": "pu"}
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """One measured channel.
+
+    Parameters
+    ----------
+    name : str
+        ``"V"`` (magnitude, pu), ``"angle"`` (rad, unwrapped, in a frame that turns at the nominal frequency),
+        ``"f"`` (Hz), ``"P"``, ``"Q"`` (pu on the recording's base, generation positive), or any other name.
+    values : ndarray of shape (L,)
+        NaN where nothing was measured.
+    unit : str
+    noise : float
+        Standard deviation of the measurement noise, in `unit`; positive.
+    """
+
+    name: str
+    values: NDArray[np.float64]
+    unit: str
+    noise: float
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A recorded disturbance of one plant.
+
+    `Recording.from_arrays`, `errorscreen.io.read_csv` and `errorscreen.io.from_frame` build it.
+
+    Parameters
+    ----------
+    name : str
+    time : ndarray of shape (L,)
+        Seconds, strictly increasing, not necessarily uniform.
+    channels : mapping of str to Channel
+    base_mva : float
+        Base of P and Q.
+    f_nominal : float
+        Nominal frequency in Hz.
+    event_time : float
+        First instant of the disturbance in seconds.
+    quiet : (float, float)
+        First and last instant of the quiet part before the event, in seconds.
+    base_kv : float, optional
+        Base of V, line to line.
+    given : mapping of str to float
+        Pre-event values that are stated and not measured, for example ``{"P": 0.54}``.
+    assumptions : tuple of str
+        Sentences on what was assumed or repaired, for the report.
+
+    Raises
+    ------
+    InputError
+        If shapes disagree, time does not increase strictly, a base or a noise is not positive, or there is no
+        channel.
+    """
+
+    name: str
+    time: NDArray[np.float64]
+    channels: Mapping[str, Channel]
+    base_mva: float
+    f_nominal: float
+    event_time: float
+    quiet: tuple[float, float]
+    base_kv: float | None = None
+    given: Mapping[str, float] = field(default_factory=dict)
+    assumptions: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        where = f"recording {self.name!r}"
+        _check_axes(self.time, {name: c.values for name, c in self.channels.items()}, where)
+        positive = {"base_mva": self.base_mva, "f_nominal": self.f_nominal}
+        if self.base_kv is not None:
+            positive["base_kv"] = self.base_kv
+        for what, value in {
+            **positive,
+            **{f"the noise of {k}": c.noise for k, c in self.channels.items()},
+        }.items():
+            if not (np.isfinite(value) and value > 0):
+                raise InputError(f"{what} is {value}", where=where, allowed="a positive number")
+
+    @classmethod
+    def from_arrays(
+        cls,
+        time: ArrayLike,
+        values: Mapping[str, ArrayLike],
+        *,
+        base_mva: float,
+        f_nominal: float,
+        base_kv: float | None = None,
+        name: str = "recording",
+        units: Mapping[str, str] | None = None,
+        event_time: float | None = None,
+        noise: Mapping[str, float] | None = None,
+        given: Mapping[str, float] | None = None,
+        held: str = "drop",
+        assumptions: Iterable[str] = (),
+    ) -> Recording:
+        """Build a recording from arrays that already have the units of `Channel`.
+
+        Parameters
+        ----------
+        time : array-like of shape (L,)
+            Seconds.
+        values : mapping of str to array-like of shape (L,)
+            Channels by name, NaN for gaps.
+        base_mva, f_nominal, base_kv, name, given
+            As in `Recording`.
+        units : mapping of str to str, optional
+            Units of channels other than V, angle, f, P and Q.
+        event_time : float, optional
+            Detected from V, P and Q by `errorscreen.signals.detect_event` where not given.
+        noise : mapping of str to float, optional
+            Known standard deviations; the others are estimated from the quiet part.
+        held : {"drop", "keep"}
+            What to do with stale repeats of a meter that updates less often than it is read: leave only new
+            readings, or keep the staircase.
+        assumptions : iterable of str
+            Sentences to begin with.
+
+        Raises
+        ------
+        InputError
+            As `Recording`, and if there is no quiet part or no event to be found.
+
+        Examples
+        --------
+        >>> t = np.arange(300) / 60
+        >>> rng = np.random.default_rng(0)
+        >>> p = 0.8 - 0.2 * (t > 1.0) * np.exp(-(t - 1.0)) + rng.normal(0, 0.001, 300)
+        >>> rec = Recording.from_arrays(t, {"P": p}, base_mva=100.0, f_nominal=60.0, name="trip")
+        >>> round(rec.event_time, 3), round(rec.initial(["P"])["P"], 3), round(rec.channel("P").noise, 3)
+        (1.017, 0.8, 0.001)
+        """
+        where = f"recording {name!r}"
+        t = np.array(time, dtype=float)
+        arrays = {key: np.array(v, dtype=float) for key, v in values.items()}
+        _check_axes(t, arrays, where)
+        if held not in ("drop", "keep"):
+            raise unknown_name(str(held), ("drop", "keep"), kind="value of held", where=where)
+        notes = list(assumptions)
+        start = preparation.find_event(t, arrays, event_time, notes, where)
+        preparation.treat_held(arrays, held, notes)
+        quiet = preparation.quiet_part(t, start, where)
+        channels = {}
+        for key, v in arrays.items():
+            unit = ROLE_UNITS.get(key) or (units or {}).get(key, "")
+            sigma = preparation.channel_noise(key, t, v, quiet, noise or {}, unit, notes)
+            channels[key] = Channel(key, v, unit, sigma)
+        recording = cls(name, t, channels, base_mva, f_nominal, start, quiet, base_kv, dict(given or {}))
+        known = [n for n in ("V", "P") if n in channels or n in recording.given]
+        notes += preparation.warn_implausible(recording.initial(known), where)
+        return replace(recording, assumptions=tuple(notes))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the measured channels."""
+        return tuple(self.channels)
+
+    def channel(self, name: str) -> Channel:
+        """Return a channel; an unknown name raises `InputError` with the nearest matches."""
+        if name not in self.channels:
+            raise unknown_name(name, self.names, kind="channel", where=f"recording {self.name!r}")
+        return self.channels[name]
+
+    def initial(self, names: Iterable[str]) -> dict[str, float]:
+        """Mean over the quiet part of each named channel, or its given value, in the channel's unit.
+
+        Raises
+        ------
+        InputError
+            If a channel is neither measured before the event nor given.
+        """
+        part = (self.time >= self.quiet[0]) & (self.time <= self.quiet[1])
+        means = {}
+        for name in names:
+            if name in self.given and name not in self.channels:
+                means[name] = float(self.given[name])
+                continue
+            quiet = self.channel(name).values[part]
+            if not np.isfinite(quiet).any():
+                raise InputError(
+                    f"channel {name!r} has no reading before the event at {self.event_time:g} s",
+                    where=f"recording {self.name!r}",
+                    remedy="Start the window earlier, or give the pre-event value",
+                )
+            means[name] = float(np.nanmean(quiet))
+        return means
+
+    def window(self, start: float | None = None, stop: float | None = None) -> Recording:
+        """Cut to the samples from `start` to `stop` seconds, both included.
+
+        Raises
+        ------
+        InputError
+            If fewer than two samples are left.
+        """
+        first, last = float(self.time[0]), float(self.time[-1])
+        start, stop = first if start is None else start, last if stop is None else stop
+        keep = (self.time >= start) & (self.time <= stop)
+        if keep.sum() < 2:
+            raise InputError(
+                f"the window from {start:g} to {stop:g} s holds {int(keep.sum())} samples",
+                where=f"recording {self.name!r}",
+                allowed=f"a window within {first:g} to {last:g} s",
+            )
+        channels = {k: replace(c, values=c.values[keep]) for k, c in self.channels.items()}
+        quiet = (max(self.quiet[0], start), min(self.quiet[1], stop))
+        return replace(self, time=self.time[keep], channels=channels, quiet=quiet)
+
+    def resample(
+        self,
+        dt: float | None = None,
+        *,
+        time: ArrayLike | None = None,
+        shift: Mapping[str, float] | None = None,
+        max_gap: float | None = None,
+    ) -> Recording:
+        """Bring all channels onto one grid; a time shift is applied before, so that it need not fit the grid.
+
+        Parameters
+        ----------
+        dt : float, optional
+            Step in seconds of a uniform grid over all samples; their median distance where not given.
+        time : array-like of shape (K,), optional
+            The grid itself, instead of `dt`.
+        shift : mapping of str to float, optional
+            Seconds added to the time stamps of a channel, negative for one that is late.
+        max_gap : float, optional
+            Longest gap that is interpolated, see `errorscreen.resampling.interpolate`.
+
+        Raises
+        ------
+        InputError
+            If both `dt` and `time` are given, the grid is empty, or a channel is unknown.
+        """
+        if dt is not None and time is not None:
+            raise InputError("both dt and time are given", where="resample", allowed="one of them")
+        shift = {self.channel(name).name: float(s) for name, s in (shift or {}).items()}
+        late, early = max([0.0, *shift.values()]), min([0.0, *shift.values()])
+        if time is None:
+            step = float(np.median(np.diff(self.time))) if dt is None else dt
+            grid = resampling.uniform_grid(self.time[0] + late, self.time[-1] + early, step)
+        else:
+            grid = np.array(time, dtype=float)
+        notes = [f"The time stamps of {k} were shifted by {s:g} s." for k, s in shift.items() if s]
+        channels = {
+            name: self._resampled(channel, grid, shift.get(name, 0.0), max_gap, notes)
+            for name, channel in self.channels.items()
+        }
+        quiet = (self.quiet[0] + late, self.quiet[1] + early)  # quiet for shifted and other channels alike
+        return replace(
+            self, time=grid, channels=channels, quiet=quiet, assumptions=(*self.assumptions, *notes)
+        )
+
+    def _resampled(
+        self,
+        channel: Channel,
+        grid: NDArray[np.float64],
+        shift: float,
+        max_gap: float | None,
+        notes: list[str],
+    ) -> Channel:
+        source = self.time + shift
+        values = resampling.interpolate(source, channel.values, grid, max_gap=max_gap)
+        noise, step = channel.noise, float(np.median(np.diff(grid)))
+        if resampling.low_pass_needed(step, resampling.spacing(source, channel.values)):
+            notes.append(f"{channel.name} was low-pass filtered before it was sampled every {step:g} s.")
+            quiet = (grid >= self.quiet[0]) & (grid <= self.quiet[1])
+            if np.isfinite(values[quiet]).sum() >= signals.MIN_QUIET:  # the filter took part of the noise
+                noise = min(noise, signals.estimate_noise(grid, values, self.quiet))
+        return replace(channel, values=values, noise=noise)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Table of all channels, indexed by time in seconds."""
+        import pandas as pd
+
+        return pd.DataFrame(
+            {name: c.values for name, c in self.channels.items()}, index=pd.Index(self.time, name="time")
+        )
 
 
 @dataclass(frozen=True)
@@ -44,3 +335,17 @@ class Observation:
     def mask(self) -> NDArray[np.bool_]:
         """True where a value was measured, shape (R, L)."""
         return np.isfinite(self.values)
+
+
+def _check_axes(time: NDArray[np.float64], values: Mapping[str, NDArray[np.float64]], where: str) -> None:
+    if time.ndim != 1 or len(time) < 2:
+        raise InputError(f"the time axis has shape {time.shape}", where=where, allowed="two samples or more")
+    if not (np.isfinite(time).all() and (np.diff(time) > 0).all()):
+        raise InputError("the time axis is not finite and strictly increasing", where=where)
+    if not values:
+        raise InputError("there is no channel", where=where, allowed="at least one, for example 'P'")
+    for name, array in values.items():
+        if array.shape != time.shape:
+            raise InputError(
+                f"channel {name!r} has shape {array.shape}", where=where, allowed=f"{time.shape}"
+            )

@@ -1,0 +1,101 @@
+"""What a recording has to know before it can be used: its event, its quiet part, held readings, noise."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from errorscreen import signals
+from errorscreen.exceptions import DataWarning, InputError
+
+#: In pu: what moves less is no event.
+LEAST_MOVE = 0.002
+#: In pu: what is plausible before an event.
+PLAUSIBLE_V, PLAUSIBLE_P = (0.5, 1.5), 2.0
+
+
+def find_event(
+    time: NDArray[np.float64],
+    values: Mapping[str, NDArray[np.float64]],
+    stated: float | None,
+    notes: list[str],
+    where: str,
+) -> float:
+    """The stated event time, or the one detected from V, P and Q (from all channels if there are none)."""
+    if stated is not None:
+        if not time[0] < stated <= time[-1]:
+            raise InputError(
+                f"event_time is {stated:g} s", where=where, allowed=f"{time[0]:g} to {time[-1]:g} s"
+            )
+        return float(stated)
+    watched = {k: v for k, v in values.items() if k in ("V", "P", "Q")} or values
+    start = signals.detect_event(time, watched, least=LEAST_MOVE)
+    notes.append(
+        f"The event was taken to begin at {start:g} s, where the first of {', '.join(watched)} leaves its "
+        "quiet band."
+    )
+    return start
+
+
+def quiet_part(time: NDArray[np.float64], start: float, where: str) -> tuple[float, float]:
+    """All samples before the event but the last two, or the last twentieth: filters run ahead of it."""
+    before = time[time < start]
+    guard = max(2, int(np.ceil(0.05 * len(before))))
+    if len(before) - guard < signals.MIN_QUIET:
+        raise InputError(
+            f"{len(before)} samples lie before the event at {start:g} s",
+            where=where,
+            allowed=f"at least {signals.MIN_QUIET + guard}",
+            remedy="Use a recording that starts earlier, or correct event_time",
+        )
+    return float(before[0]), float(before[-1 - guard])
+
+
+def treat_held(values: dict[str, NDArray[np.float64]], held: str, notes: list[str]) -> None:
+    """Replace stale repeats of held channels by NaN, in place, unless `held` is ``"keep"``."""
+    for name, array in values.items():
+        hold = signals.hold_length(array)
+        if hold > 1 and held == "drop":
+            values[name] = signals.drop_held(array, hold)
+            notes.append(f"{name} repeats each reading about {hold} times; stale repeats were dropped.")
+        elif hold > 1:
+            notes.append(f"{name} repeats each reading about {hold} times; the staircase was kept.")
+
+
+def channel_noise(
+    name: str,
+    time: NDArray[np.float64],
+    values: NDArray[np.float64],
+    quiet: tuple[float, float],
+    known: Mapping[str, float],
+    unit: str,
+    notes: list[str],
+) -> float:
+    """The known noise of a channel, or the one estimated from the quiet part."""
+    if name in known:
+        notes.append(f"The noise of {name} was given as {known[name]:g}.")
+        return float(known[name])
+    noise = signals.estimate_noise(time, values, quiet)
+    part = (time >= quiet[0]) & (time <= quiet[1])
+    if signals.scatter(time[part], values[part]) < noise:
+        notes.append(
+            f"{name} scatters less before the event than it can resolve, so its noise was set to its "
+            f"resolution, {noise:.2g} {unit}".rstrip()
+            + "."
+        )
+    return noise
+
+
+def warn_implausible(initial: Mapping[str, float], where: str) -> list[str]:
+    """Sentences, also warned of, on pre-event values that a wrong unit, base or sign would explain."""
+    notes = []
+    if "V" in initial and not PLAUSIBLE_V[0] <= initial["V"] <= PLAUSIBLE_V[1]:
+        notes.append(f"V before the event is {initial['V']:.3g} pu: check its unit and base_kv.")
+    if "P" in initial and abs(initial["P"]) > PLAUSIBLE_P:
+        notes.append(f"P before the event is {initial['P']:.3g} pu: check its unit and base_mva.")
+    for note in notes:
+        warnings.warn(f"{where}: {note}", DataWarning, stacklevel=3)
+    return notes

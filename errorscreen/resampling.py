@@ -1,0 +1,113 @@
+"""From irregular readings with gaps to a time grid: interpolation, low-pass filter, gaps that stay gaps."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from errorscreen.exceptions import InputError
+
+#: A gap is interpolated if it is at most this many times the usual distance between readings.
+SHORT_GAP = 5.0
+#: A grid that is coarser than this many readings is low-pass filtered first.
+COARSE = 2.0
+
+
+def spacing(time: ArrayLike, values: ArrayLike) -> float:
+    """Median distance between readings that are not NaN, in seconds.
+
+    Examples
+    --------
+    >>> spacing([0.0, 0.5, 1.0, 1.5, 2.0], [1.0, 2.0, np.nan, 2.0, 1.0])
+    0.5
+    """
+    readings = np.asarray(time, dtype=float)[np.isfinite(np.asarray(values, dtype=float))]
+    return float(np.median(np.diff(readings))) if len(readings) > 1 else float("inf")
+
+
+def uniform_grid(start: float, stop: float, dt: float) -> NDArray[np.float64]:
+    """Instants ``start, start + dt, ...`` up to and including `stop`, in seconds.
+
+    Raises
+    ------
+    InputError
+        If `dt` is not positive or no two instants fit.
+
+    Examples
+    --------
+    >>> uniform_grid(0.0, 0.3, 0.1)
+    array([0. , 0.1, 0.2, 0.3])
+    """
+    if not (np.isfinite(dt) and dt > 0):
+        raise InputError(f"the step is {dt} s", where="dt", allowed="a positive number of seconds")
+    count = int(np.floor((stop - start) / dt + 1e-6)) + 1
+    if count < 2:
+        raise InputError(
+            f"a step of {dt:g} s leaves fewer than two instants between {start:g} and {stop:g} s",
+            where="dt",
+            allowed=f"less than {max(stop - start, 0.0):g} s",
+        )
+    return float(start) + float(dt) * np.arange(count, dtype=float)
+
+
+def low_pass_needed(step: float, distance: float) -> bool:
+    """True if a grid of `step` seconds is so much coarser than the readings that it would alias."""
+    return bool(step > COARSE * distance)
+
+
+def interpolate(
+    time: ArrayLike, values: ArrayLike, grid: ArrayLike, *, max_gap: float | None = None
+) -> NDArray[np.float64]:
+    """Bring readings onto a grid.
+
+    Between readings the value is interpolated linearly. A gap longer than `max_gap` stays NaN, and so does
+    everything before the first and after the last reading. If the grid is coarser than two readings, the
+    signal passes a Gaussian low-pass of half a grid step first (a factor 0.29 at the grid's Nyquist
+    frequency, no delay and no overshoot), so that faster content does not fold back.
+
+    Parameters
+    ----------
+    time, values : array-like of shape (L,)
+        Seconds, increasing; NaN for gaps.
+    grid : array-like of shape (K,)
+        Seconds, increasing.
+    max_gap : float, optional
+        Longest distance between readings that is bridged, in seconds; five times their median distance where
+        not given.
+
+    Returns
+    -------
+    ndarray of shape (K,)
+
+    Examples
+    --------
+    >>> interpolate([0.0, 1.0, 2.0, 9.0], [0.0, 2.0, 4.0, 4.0], [0.5, 1.0, 1.5, 5.0, 9.0])
+    array([ 1.,  2.,  3., nan,  4.])
+    """
+    t, x, grid = (np.asarray(a, dtype=float) for a in (time, values, grid))
+    keep = np.isfinite(x)
+    t, x = t[keep], x[keep]
+    if len(t) == 0:
+        return np.full(grid.shape, np.nan)
+    distance = spacing(t, x)
+    step = float(np.median(np.diff(grid))) if len(grid) > 1 else 0.0
+    source, signal = _smoothed(t, x, step, distance) if low_pass_needed(step, distance) else (t, x)
+    out = np.interp(grid, source, signal)
+    # rounding must not turn the first or last instant, or one beside a long gap, into a gap
+    tolerance = 1e-6 * min(distance, step) if step > 0 else 0.0
+    before = t[np.clip(np.searchsorted(t, grid + tolerance, side="right") - 1, 0, len(t) - 1)]
+    after = t[np.clip(np.searchsorted(t, grid - tolerance, side="left"), 0, len(t) - 1)]
+    longest = SHORT_GAP * distance if max_gap is None else max_gap
+    gap = (after - before > longest * (1 + 1e-9)) | (grid < t[0] - tolerance) | (grid > t[-1] + tolerance)
+    out[gap] = np.nan
+    return out
+
+
+def _smoothed(
+    t: NDArray[np.float64], x: NDArray[np.float64], step: float, distance: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Signal on a uniform grid as fine as the readings, after the low-pass of half a `step`."""
+    fine = step / np.ceil(step / distance)
+    source = t[0] + fine * np.arange(int(np.ceil((t[-1] - t[0]) / fine)) + 1)
+    return source, gaussian_filter1d(np.interp(source, t, x), 0.5 * step / fine, mode="nearest")

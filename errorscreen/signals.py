@@ -1,0 +1,252 @@
+"""What a measured signal says about itself: noise, quantisation, held values, where the event begins."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from errorscreen.exceptions import InputError
+
+#: Samples that a quiet part must have; fewer say nothing about scatter.
+MIN_QUIET = 5
+#: No instrument resolves less than this part of its largest reading (accuracy classes are 1e-3 and worse).
+RESOLUTION = 1e-5
+
+
+def quantisation_step(values: ArrayLike) -> float:
+    """Smallest distance between two different readings, 0 where all readings agree.
+
+    Distances under 1e-9 of the largest reading are rounding of the arithmetic, not of the instrument.
+
+    Examples
+    --------
+    >>> quantisation_step([2.0, 2.5, 2.5, 4.0])
+    0.5
+    """
+    readings = np.asarray(values, dtype=float)
+    readings = np.unique(readings[np.isfinite(readings)])
+    if len(readings) < 2:
+        return 0.0
+    gaps = np.diff(readings)
+    gaps = gaps[gaps > 1e-9 * np.abs(readings).max()]
+    return float(gaps.min()) if len(gaps) else 0.0
+
+
+def noise_floor(values: ArrayLike, step: float | None = None) -> float:
+    r"""Least noise that a channel can have, in its unit: :math:`q/\sqrt{12}` of its quantisation step q.
+
+    Never under `RESOLUTION` of the largest reading, so that it is positive for every channel.
+
+    Examples
+    --------
+    >>> round(noise_floor([0.0, 0.5, 1.0, 0.5]), 3)
+    0.144
+    """
+    readings = np.asarray(values, dtype=float)
+    largest = float(np.max(np.abs(readings), where=np.isfinite(readings), initial=0.0))
+    step = quantisation_step(readings) if step is None else step
+    # a channel of zeros has no size of its own; 1e-30 keeps the square of the noise a normal number
+    return max(step / float(np.sqrt(12.0)), RESOLUTION * (largest if largest > 1e-30 else 1.0))
+
+
+def scatter(time: ArrayLike, values: ArrayLike) -> float:
+    """Standard deviation about a slow trend, in the unit of the values.
+
+    The trend is a parabola (a line under 30 samples, a mean under 10), fitted twice: readings that lie more
+    than five robust deviations (and three quantisation steps) off the first fit are spikes and left out of
+    the second.
+
+    Examples
+    --------
+    >>> t = np.arange(200) / 60
+    >>> noise = np.random.default_rng(0).normal(0, 0.01, 200)
+    >>> round(scatter(t, 1 + 0.3 * t + noise), 3)
+    0.01
+    """
+    t, x = np.asarray(time, dtype=float), np.asarray(values, dtype=float)
+    keep = np.isfinite(x)
+    t, x = t[keep], x[keep]
+    order = 2 if len(x) >= 30 else 1 if len(x) >= 10 else 0
+    if len(x) <= order + 1:
+        return 0.0
+    basis = np.polynomial.legendre.legvander(np.interp(t, (t[0], t[-1]), (-1.0, 1.0)), order)
+    residual = x - basis @ np.linalg.lstsq(basis, x, rcond=None)[0]
+    robust = 1.4826 * float(np.median(np.abs(residual)))
+    # most readings of a coarsely quantised channel agree, so its robust deviation is 0: steps are no spikes
+    near = np.abs(residual) <= max(5 * robust, 3 * quantisation_step(x))
+    if not near.all() and near.sum() > order + 1:
+        coefficients = np.linalg.lstsq(basis[near], x[near], rcond=None)[0]
+        residual = (x - basis @ coefficients)[near]
+    return float(np.sqrt(np.sum(residual**2) / (len(residual) - order - 1)))
+
+
+def estimate_noise(time: ArrayLike, values: ArrayLike, quiet: tuple[float, float]) -> float:
+    """Standard deviation of the measurement noise, from the quiet part before the event.
+
+    Parameters
+    ----------
+    time, values : array-like of shape (L,)
+        Seconds, and readings with NaN for gaps.
+    quiet : (float, float)
+        First and last instant of the quiet part in seconds.
+
+    Returns
+    -------
+    float
+        `scatter` of the quiet part, but at least `noise_floor` of the channel: a reading that does not move
+        because the meter holds or rounds it is not free of noise.
+
+    Raises
+    ------
+    InputError
+        If fewer than five readings lie in the quiet part.
+
+    Examples
+    --------
+    >>> t = np.arange(100) / 50
+    >>> x = np.where(t < 1.0, 0.8, 0.5)          # rounded to 0.1: no scatter at all before the event
+    >>> round(estimate_noise(t, np.r_[x[:-1], 0.6], (0.0, 0.98)), 4)
+    0.0289
+    """
+    t, x = np.asarray(time, dtype=float), np.asarray(values, dtype=float)
+    part = (t >= quiet[0]) & (t <= quiet[1])
+    count = int(np.isfinite(x[part]).sum())
+    if count < MIN_QUIET:
+        raise InputError(
+            f"{count} readings in the quiet part from {quiet[0]:g} to {quiet[1]:g} s say nothing about noise",
+            allowed=f"at least {MIN_QUIET} readings before the event",
+            remedy="Use a recording that starts earlier, or give event_time and the noise of each channel",
+        )
+    # where the quiet part shows no second reading, the steps of the event have to tell the resolution
+    step = quantisation_step(x[part]) or quantisation_step(x)
+    return max(scatter(t[part], x[part]), noise_floor(x, step))
+
+
+def hold_length(values: ArrayLike) -> int:
+    """Number of samples over which a meter holds each reading; 1 where every sample is a new reading.
+
+    A channel that rests also repeats its reading, so only samples across which the signal clearly moves
+    count: where a held signal moves, its readings still come in runs.
+
+    Examples
+    --------
+    >>> hold_length(np.repeat(np.sin(np.arange(40.0)), 3)), hold_length(np.sin(np.arange(40.0)))
+    (3, 1)
+    """
+    x = np.asarray(values, dtype=float)
+    x = x[np.isfinite(x)]
+    if len(x) < 12:
+        return 1
+    starts = np.flatnonzero(np.r_[True, np.diff(x) != 0])
+    lengths, jumps = np.diff(np.r_[starts, len(x)]), np.abs(np.diff(x[starts], prepend=x[0], append=x[-1]))
+    clear = 10 * quantisation_step(x)
+    # a run counts if the signal jumps clearly at both of its ends: it did not rest there
+    moving = (jumps[:-1] > clear) & (jumps[1:] > clear)
+    repeated = lengths[moving & (lengths > 1)]
+    # a meter that is read a little faster than it updates repeats only some readings
+    if len(repeated) < max(3, 0.25 * moving.sum()):
+        return 1
+    return round(float(np.median(repeated)))
+
+
+def drop_held(values: ArrayLike, hold: int) -> NDArray[np.float64]:
+    """Replace stale repeats by NaN: of each run of equal readings only every `hold`-th stays.
+
+    Examples
+    --------
+    >>> drop_held([1.0, 1.0, 2.0, 2.0, 2.0, 2.0, 3.0], 2)
+    array([ 1., nan,  2., nan,  2., nan,  3.])
+    """
+    x = np.array(values, dtype=float)
+    new = np.r_[True, np.diff(x) != 0]
+    index = np.arange(len(x))
+    since = index - np.maximum.accumulate(np.where(new, index, 0))
+    x[since % hold != 0] = np.nan
+    return x
+
+
+def detect_event(
+    time: ArrayLike,
+    channels: Mapping[str, ArrayLike],
+    *,
+    n_sigma: float = 6.0,
+    fraction: float = 0.05,
+    least: float = 0.0,
+    persist: int = 3,
+) -> float:
+    """Find the instant at which the first channel leaves its quiet band for good.
+
+    Parameters
+    ----------
+    time : array-like of shape (L,)
+        Seconds, increasing.
+    channels : mapping of str to array-like of shape (L,)
+        Readings with NaN for gaps.
+    n_sigma, fraction, least : float
+        Half width of the band about the initial median: the largest of `n_sigma` standard deviations of the
+        noise, `fraction` of the channel's largest excursion (99th percentile), and `least` in the channels'
+        unit, so that drift, rounding and the precursors of a filter do not count.
+    persist : int
+        Readings in a row that must lie outside, so that a single spike does not count.
+
+    Returns
+    -------
+    float
+        Time of the first reading outside, the earliest of all channels.
+
+    Raises
+    ------
+    InputError
+        If no channel leaves its band, or one moves from the first reading on.
+
+    Examples
+    --------
+    >>> t = np.arange(100) / 50
+    >>> detect_event(t, {"V": np.where(t < 1.0, 1.0, 0.7)})
+    1.0
+    """
+    t = np.asarray(time, dtype=float)
+    onsets: dict[str, float] = {}
+    for name, values in channels.items():
+        x = np.asarray(values, dtype=float)
+        keep = np.isfinite(x)
+        first = _first_outside(t[keep], x[keep], (n_sigma, fraction, least), persist)
+        if first is not None:
+            onsets[name] = float(t[keep][first])
+        if first == 0:
+            raise InputError(
+                f"there is no quiet part: {name!r} moves from its first reading on",
+                allowed=f"at least {MIN_QUIET} readings before the event",
+                remedy="Use a recording that starts before the event, or give event_time",
+            )
+    if not onsets:
+        raise InputError(
+            f"no event was found: {', '.join(channels) or 'no channel'} never leaves its quiet band",
+            remedy="Give event_time, or check that the recording starts before the event",
+        )
+    return min(onsets.values())
+
+
+def _first_outside(
+    t: NDArray[np.float64], x: NDArray[np.float64], width: tuple[float, float, float], persist: int
+) -> int | None:
+    """Index of the first of `persist` readings in a row outside the quiet band, or None."""
+    if len(x) < 2 * MIN_QUIET:
+        return None
+    n_sigma, fraction, least = width
+    size = max(2 * MIN_QUIET, len(x) // 100)
+    first = None
+    for _ in range(5):  # the band is drawn again from all readings before the instant it found
+        centre = float(np.median(x[:size]))
+        distance = np.abs(x - centre)
+        band = max(
+            n_sigma * scatter(t[:size], x[:size]), fraction * float(np.percentile(distance, 99)), least
+        )
+        runs = np.convolve(distance > band, np.ones(persist, dtype=int), mode="valid") == persist
+        found = int(np.argmax(runs)) if runs.any() else None
+        if found is None or found == first or found == 0:
+            return found
+        first = size = found
+    return first
