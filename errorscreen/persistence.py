@@ -239,7 +239,7 @@ def save_tensors(
     """
     from safetensors.numpy import save
 
-    content = {name: np.ascontiguousarray(_plain(name, array)) for name, array in arrays.items()}
+    content = {name: np.asarray(_plain(name, array), order="C") for name, array in arrays.items()}
     return write_bytes_atomic(path, save(content, {_HEADER: _header(format, version, meta).decode()}))
 
 

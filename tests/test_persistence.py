@@ -44,7 +44,7 @@ def test_arrays_and_meta_come_back_as_they_were(tmp_path_factory, save, load, da
     assert read.keys() == arrays.keys()
     assert read_meta == meta
     for name, array in arrays.items():
-        assert read[name].dtype == array.dtype
+        assert (read[name].dtype, read[name].shape) == (array.dtype, array.shape)
         np.testing.assert_array_equal(read[name], array)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numbers
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.utils.validation import validate_data
 
-from errorscreen.exceptions import InputError
+from errorscreen.exceptions import InputError, check_integer
 
 
 def check_stack(
@@ -21,7 +20,7 @@ def check_stack(
     max_ndim: int = 3,
     dtype: Any = (np.float64, np.float32),
     **checks: Any,
-) -> NDArray[Any]:
+) -> Any:
     """Validate a stack of samples and hold it to the shape seen in fit.
 
     Sets (`reset`) or compares ``estimator.shape_in_``, the shape of one sample: scikit-learn's own
@@ -38,6 +37,10 @@ def check_stack(
     dtype, **checks
         Passed to `sklearn.utils.validation.validate_data`.
 
+    Returns
+    -------
+    ndarray, or (X, y) where ``y`` is among the checks
+
     Raises
     ------
     ValueError
@@ -45,23 +48,18 @@ def check_stack(
     InputError
         If there are more axes than allowed, or the shape differs from the one in fit.
     """
-    stack: NDArray[Any] = validate_data(estimator, X, reset=reset, allow_nd=True, dtype=dtype, **checks)
+    checked = validate_data(estimator, X, reset=reset, allow_nd=True, dtype=dtype, **checks)
+    stack: NDArray[Any] = checked[0] if isinstance(checked, tuple) else checked
     name = type(estimator).__name__
     if stack.ndim > max_ndim:
-        axes = (
-            ["samples", "channels", "frequencies", "time"]
-            if max_ndim == 4
-            else ["samples", "channels", "time"]
-        )
-        raise InputError(
-            f"X has shape {stack.shape}", where=name, allowed=f"({', '.join(axes)}) or (samples, time)"
-        )
+        axes = "samples, channels, frequencies, time" if max_ndim == 4 else "samples, channels, time"
+        raise InputError(f"X has shape {stack.shape}", where=name, allowed=f"({axes}) or (samples, time)")
     if reset:
         estimator.shape_in_ = stack.shape[1:]
     elif stack.shape[1:] != estimator.shape_in_:
         expected = ", ".join(map(str, estimator.shape_in_))
         raise InputError(f"X has shape {stack.shape}", where=name, allowed=f"(n, {expected}), as in fit")
-    return stack
+    return checked
 
 
 def split_channels(X: NDArray[Any], n_channels: int | None, where: str) -> NDArray[Any]:
@@ -76,7 +74,7 @@ def split_channels(X: NDArray[Any], n_channels: int | None, where: str) -> NDArr
         if n_channels not in (None, X.shape[1]):
             raise InputError(f"X has {X.shape[1]} channels", where=where, allowed=f"n_channels={n_channels}")
         return X
-    count = 1 if n_channels is None else check_number("n_channels", n_channels, where, integer=True, low=1)
+    count = 1 if n_channels is None else check_integer(n_channels, "n_channels")
     if X.shape[1] % count:
         raise InputError(
             f"rows of {X.shape[1]} values cannot be divided into {count} channels",
@@ -93,32 +91,14 @@ def check_choice(name: str, value: Any, allowed: Sequence[Any], where: str) -> A
     return value
 
 
-def check_number(
-    name: str,
-    value: Any,
-    where: str,
-    *,
-    integer: bool = False,
-    low: float = -np.inf,
-    high: float = np.inf,
-    open_low: bool = False,
-) -> Any:
-    """Return `value` if it is a number in [low, high] (above `low` if `open_low`), else raise `InputError`.
+def as_images(X: NDArray[Any]) -> NDArray[Any]:
+    """View a stack of 2 to 4 axes as (n, R, H, W): signals are images of one row, 2-D input is one channel.
 
     Examples
     --------
-    >>> check_number("k", 0, "TopKSelector", integer=True, low=1)
-    Traceback (most recent call last):
-    errorscreen.exceptions.InputError: TopKSelector: k=0. Allowed: an integer, at least 1.
+    >>> as_images(np.zeros((5, 2, 7))).shape
+    (5, 2, 1, 7)
     """
-    kind = numbers.Integral if integer else numbers.Real
-    inside = isinstance(value, kind) and not isinstance(value, bool)
-    inside = inside and (value > low if open_low else value >= low) and value <= high and np.isfinite(value)
-    if inside:
-        return value
-    allowed = "an integer" if integer else "a number"
-    if np.isfinite(low):
-        allowed += f", {'above' if open_low else 'at least'} {low:g}"
-    if np.isfinite(high):
-        allowed += f", at most {high:g}"
-    raise InputError(f"{name}={value!r}", where=where, allowed=allowed)
+    if X.ndim == 4:
+        return X
+    return X.reshape(len(X), X.shape[1] if X.ndim == 3 else 1, 1, X.shape[-1])

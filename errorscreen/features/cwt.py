@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
-from errorscreen.exceptions import InputError
-from errorscreen.features.checks import check_choice, check_number, check_stack, split_channels
+from errorscreen.exceptions import InputError, check_integer, check_real
+from errorscreen.features.checks import check_choice, check_stack, split_channels
 from errorscreen.features.filterbank import FilterBank, central_frequency, effective_radius, read_wavelet
 
 # bytes of coefficients worked on at a time: a core's cache, which doubled the speed against tens of megabytes
@@ -204,21 +204,22 @@ class CWTTransformer(TransformerMixin, BaseEstimator):
         name = type(self).__name__
         check_choice("spacing", self.spacing, ("log", "linear"), name)
         check_choice("energy", self.energy, ("log", "linear"), name)
+        check_choice("signed", self.signed, (False, True), name)
         check_choice("output", self.output, ("images", "flat"), name)
         check_choice("dtype", self.dtype, ("float32", "float64"), name)
-        check_number("n_frequencies", self.n_frequencies, name, integer=True, low=1)
-        check_number("n_columns", self.n_columns, name, integer=True, low=1)
-        check_number("sampling_period", self.sampling_period, name, low=0, open_low=True)
-        check_number("floor", self.floor, name, low=0, open_low=True)
+        check_integer(self.n_frequencies, "n_frequencies")
+        check_integer(self.n_columns, "n_columns")
+        check_real(self.sampling_period, "sampling_period", low=0, above=True)
+        check_real(self.floor, "floor", low=0, above=True)
 
     def _frequency_axis(self, n_times: int) -> NDArray[np.float64]:
         name = type(self).__name__
         nyquist = 0.5 / self.sampling_period
         f_max = nyquist if self.f_max is None else self.f_max
-        check_number("f_max", f_max, name, low=0, open_low=True, high=nyquist)
+        check_real(f_max, "f_max", low=0, above=True, high=nyquist)
         # a record of two samples has no period below half its sampling rate
         f_min = min(2 * nyquist / n_times, f_max / 2) if self.f_min is None else self.f_min
-        check_number("f_min", f_min, name, low=0, open_low=True)
+        check_real(f_min, "f_min", low=0, above=True)
         if not f_min < f_max:
             raise InputError(
                 f"the frequencies run from {f_min:g} to {f_max:g} Hz",

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
-from errorscreen.features.checks import check_choice, check_stack
+from errorscreen.features.checks import as_images, check_choice, check_stack
 
 # samples handled at a time, so that float64 sums of float32 images need no second copy of them all
 _BLOCK = 64
@@ -62,7 +62,7 @@ class ChannelScaler(TransformerMixin, BaseEstimator):
         y : ignored
         """
         check_choice("by", self.by, ("channel", "row"), type(self).__name__)
-        images = _as_images(check_stack(self, X, reset=True, max_ndim=4))
+        images = as_images(check_stack(self, X, reset=True, max_ndim=4))
         axes = (0, 2, 3) if self.by == "channel" else (0, 3)
         count = np.prod([images.shape[axis] for axis in axes])
 
@@ -91,10 +91,9 @@ class ChannelScaler(TransformerMixin, BaseEstimator):
         ndarray of the shape of X
         """
         check_is_fitted(self)
-        X = check_stack(self, X, reset=False, max_ndim=4)
-        images = _as_images(X)
-        out = (images - self.mean_.astype(X.dtype)) / self.scale_.astype(X.dtype)
-        return out.reshape(X.shape)
+        stack = check_stack(self, X, reset=False, max_ndim=4)
+        mean, scale = self.mean_.astype(stack.dtype), self.scale_.astype(stack.dtype)
+        return ((as_images(stack) - mean) / scale).reshape(stack.shape)
 
     def inverse_transform(self, X: ArrayLike) -> NDArray[Any]:
         """Undo `transform`.
@@ -108,20 +107,12 @@ class ChannelScaler(TransformerMixin, BaseEstimator):
         ndarray of the shape of X
         """
         check_is_fitted(self)
-        X = check_stack(self, X, reset=False, max_ndim=4)
-        out = _as_images(X) * self.scale_.astype(X.dtype) + self.mean_.astype(X.dtype)
-        return out.reshape(X.shape)
+        stack = check_stack(self, X, reset=False, max_ndim=4)
+        mean, scale = self.mean_.astype(stack.dtype), self.scale_.astype(stack.dtype)
+        return (as_images(stack) * scale + mean).reshape(stack.shape)
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()
         tags.input_tags.three_d_array = True
         tags.transformer_tags.preserves_dtype = ["float64", "float32"]
         return tags
-
-
-def _as_images(X: NDArray[Any]) -> NDArray[Any]:
-    """View a stack of 2 to 4 axes as (n, R, H, W)."""
-    if X.ndim == 4:
-        return X
-    channels = 1 if X.ndim == 2 else X.shape[1]
-    return X.reshape(len(X), channels, 1, X.shape[-1])
