@@ -49,6 +49,19 @@ class SimulationError(ErrorscreenError, RuntimeError):
     """Too many simulations failed for the result to mean anything."""
 
 
+class MissingExtraError(ErrorscreenError, ImportError):
+    """A part of errorscreen needs a package that is only installed with one of its extras.
+
+    Examples
+    --------
+    >>> print(MissingExtraError("torch", extra="cnn"))
+    torch is not installed. Install it with: pip install "errorscreen[cnn]"
+    """
+
+    def __init__(self, package: str, *, extra: str) -> None:
+        super().__init__(f'{package} is not installed. Install it with: pip install "errorscreen[{extra}]"')
+
+
 class DataWarning(UserWarning):
     """The data were usable only after an assumption that the user should know of."""
 
@@ -65,7 +78,7 @@ def unknown_name(
     """
     known = list(known)
     near = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
-    hint = f" (did you mean {', '.join(repr(n) for n in sorted(near))}?)" if near else ""
+    hint = f" (did you mean {', '.join(repr(n) for n in near)}?)" if near else ""
     return InputError(f"unknown {kind} {name!r}{hint}", where=where, allowed=", ".join(known), remedy=remedy)
 
 

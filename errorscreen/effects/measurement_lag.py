@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from errorscreen.effects.base import Effect, Values
+from errorscreen.exceptions import unknown_name
 from errorscreen.parameters import Parameter
 
 
@@ -47,13 +48,15 @@ _STARTS = {"P": _start_P, "Q": _start_Q}
 
 
 def measurement_lag(channel: str) -> Effect:
-    """Lag of the measured channel ``"P"`` or ``"Q"``.
+    """Lag of the measured channel ``"P"`` or ``"Q"``; another name raises `InputError`.
 
     Examples
     --------
     >>> measurement_lag("P").port
     'channel.P'
     """
+    if channel not in _STARTS:
+        raise unknown_name(channel, _STARTS, kind="channel", where="measurement_lag")
     return Effect(
         name=f"lag_{channel}",
         title=f"Lag in the measurement of {channel}",

@@ -135,10 +135,7 @@ class ReferenceEngine(Engine):
     ) -> NDArray[np.float64]:
         """Integrate and record the outputs; see `Engine.integrate`."""
         model, n = self.model, len(x0)
-        memories = np.zeros((n, len(model.memories))) if memories is None else memories
-        b = dict(zip(model.states, x0.T.astype(float), strict=True))
-        b |= dict(zip(model.constants, constants.T, strict=True))
-        b |= dict(zip(model.memories, memories.T.astype(float), strict=True))
+        b = self._named(x0, constants, memories)
         steps = len(u) // 2
         out = np.full((n, len(model.outputs), steps // every + 1), np.nan)
         with np.errstate(all="ignore"):  # divergence is data: it shows as values that are not finite
@@ -160,6 +157,26 @@ class ReferenceEngine(Engine):
                     total = ((f1[name] + 2.0 * f2[name]) + 2.0 * f3[name]) + f4[name]
                     b[name] = start[name] + h / 6.0 * total
         return out
+
+    def derivatives(
+        self, x: NDArray[np.float64], constants: NDArray[np.float64], u: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Derivatives of the states, shape (n, n_states), for the inputs `u` of shape (n_inputs,)."""
+        slopes = self._derivatives(self._named(x, constants, None), u)
+        return np.array([slopes[name] for name in self.model.states]).T
+
+    def _named(
+        self, x: NDArray[np.float64], constants: NDArray[np.float64], memories: NDArray[np.float64] | None
+    ) -> dict[str, NDArray[np.float64]]:
+        """All given quantities by name, each of shape (n,)."""
+        model = self.model
+        memories = np.zeros((len(x), len(model.memories))) if memories is None else memories
+        groups = ((model.states, x), (model.constants, constants), (model.memories, memories))
+        return {
+            name: np.array(column, dtype=float)
+            for names, rows in groups
+            for name, column in zip(names, rows.T, strict=True)
+        }
 
     def _evaluate(
         self, b: dict[str, NDArray[np.float64]], u: NDArray[np.float64], *, each_step: bool

@@ -1,0 +1,107 @@
+import copy
+import pickle
+
+import numpy as np
+import pytest
+
+from errorscreen.events import Event, Playback
+from errorscreen.exceptions import InputError
+from errorscreen.power import DEVICES
+from errorscreen.simulators import PlantSimulator
+from tests.plants import DEVICE_NAMES, OPERATING_POINT, dip, plant, random_rows
+
+
+def test_unknown_names_are_answered_with_the_nearest():
+    with pytest.raises(InputError, match=r"unknown device 'pv_plnt' \(did you mean 'pv_plant'"):
+        plant("pv_plnt")
+    with pytest.raises(InputError, match="unknown constant 'V_LVV'"):
+        plant("pv_plant", constants={"V_LVV": 0.8})
+    with pytest.raises(InputError, match="unknown engine 'gpu'"):
+        plant("pv_plant", engine="gpu")
+    with pytest.raises(InputError, match="unknown channel 'U'"):
+        plant("pv_plant", channels=["U"])
+    with pytest.raises(InputError, match="unknown parameter 'Xd'"):
+        plant("pv_plant", parameters=DEVICES["synchronous_machine"].candidates)
+
+
+@pytest.mark.parametrize("step", [0.0, -0.1])
+def test_the_step_must_be_positive(step):
+    with pytest.raises(InputError, match="allowed|Allowed: a positive"):
+        plant("pv_plant", step=step)
+
+
+def test_the_event_must_be_a_playback_with_the_signals_it_needs():
+    simulator = plant("synchronous_machine")
+    with pytest.raises(InputError, match="cannot be driven by a Event"):
+        simulator.simulate(simulator.parameters.nominal, Event(dip().time))
+    without = Playback(dip().time, signals={"V": dip().signals["V"]}, initial=OPERATING_POINT)
+    with pytest.raises(InputError, match="V, and angle"):
+        simulator.simulate(simulator.parameters.nominal, without)
+
+
+def test_theta_is_checked():
+    simulator = plant("pv_plant")
+    with pytest.raises(InputError, match=r"theta has shape \(3,\)"):
+        simulator.simulate([1.0, 2.0, 3.0])
+    theta = simulator.parameters.nominal.copy()
+    theta[0] = np.nan
+    with pytest.raises(InputError, match=r"theta\[0, 0\] \(Tg\) is nan"):
+        simulator.simulate(theta)
+
+
+@pytest.mark.parametrize("device", DEVICE_NAMES)
+def test_subset_of_parameters_is_the_full_model_with_the_rest_typical(device):
+    full = plant(device)
+    names = full.parameters.names[::-2]
+    part = plant(device, parameters=full.parameters.subset(names))
+    theta = random_rows(part, 5)
+    assert np.array_equal(
+        part.simulate(theta).values, full.simulate(full.parameters.embed(theta, names)).values, equal_nan=True
+    )
+
+
+@pytest.mark.parametrize("device", DEVICE_NAMES)
+def test_copies_and_pickles_simulate_the_same(device):
+    simulator = plant(device).extend("lag_P")
+    theta = random_rows(simulator, 5)
+    expected = simulator.simulate(theta).values
+    for twin in (
+        copy.deepcopy(simulator),
+        pickle.loads(pickle.dumps(simulator)),
+    ):  # joblib's workers get it so
+        assert np.array_equal(twin.simulate(theta).values, expected, equal_nan=True)
+
+
+def test_absurd_parameters_get_a_status_and_never_raise():
+    simulator = plant("synchronous_machine")
+    theta = np.tile(simulator.parameters.nominal, (6, 1))
+    for row, (name, value) in enumerate(
+        [("Tj", 1e-9), ("Xd1", 0.0), ("Td10", 0.0), ("Tj", -0.01), ("D", 1e12)], start=1
+    ):
+        theta[row, simulator.parameters.index(name)] = value
+    responses = simulator.simulate(theta)
+    assert responses.ok[0]
+    assert not responses.ok[[1, 3, 4, 5]].any()
+    assert np.isnan(responses.values[~responses.ok]).all()
+    assert "reduce the step" in responses.failures()
+
+
+def test_other_events_can_be_simulated_with_the_same_simulator():
+    simulator = plant("pv_plant")
+    deeper = dip(depth=0.7, duration=0.3)
+    y = simulator.simulate(simulator.parameters.nominal, deeper)
+    assert np.array_equal(y.values, plant("pv_plant", deeper).simulate(simulator.parameters.nominal).values)
+    assert not np.array_equal(y.values, simulator.simulate(simulator.parameters.nominal).values)
+
+
+def test_baseline_is_the_response_at_the_nominal_parameters():
+    simulator = plant("dfig_plant")
+    assert np.array_equal(simulator.baseline(), simulator.simulate(simulator.parameters.nominal).values[0])
+
+
+def test_channels_can_be_chosen():
+    both = plant("pv_plant")
+    only = plant("pv_plant", channels=["Q"])
+    theta = both.parameters.nominal
+    assert np.array_equal(only.simulate(theta).values[:, 0], both.simulate(theta).values[:, 1])
+    assert PlantSimulator("pv_plant", dip(), channels=("Q", "P")).channels == ("Q", "P")
