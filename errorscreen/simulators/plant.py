@@ -17,6 +17,7 @@ from errorscreen.exceptions import InputError, unknown_name
 from errorscreen.parameters import ParameterSpace
 from errorscreen.power import DEVICES, Device
 from errorscreen.recordings import Observation, Recording
+from errorscreen.signals import scatter
 from errorscreen.simulators.assembly import assemble
 from errorscreen.simulators.base import Responses, Simulator, Status
 from errorscreen.simulators.playback import playback_observation
@@ -116,6 +117,10 @@ class PlantSimulator(Simulator):
     def observe(self, recording: Any) -> Observation:
         """Bring a recording onto this simulator's channels, units (pu) and time grid.
 
+        The noise of a channel is what simulation and measurement differ by before the event, where that is more than
+        the channel's own: the noise of the injected voltage passes through the device, and a stiff device
+        amplifies it.
+
         Parameters
         ----------
         recording : Recording or Observation
@@ -131,13 +136,14 @@ class PlantSimulator(Simulator):
             raise InputError(
                 f"a {type(recording).__name__} is not a recording", allowed="Recording, Observation"
             )
-        return playback_observation(
+        observation = playback_observation(
             recording,
             self.channels,
             dt=self.dt,
             needs_angle=self.device.needs_angle,
             operating_point=self.operating_point,
         )
+        return self._with_injected_noise(observation, recording.quiet)
 
     def extend(self, effect: Effect | str, **options: Any) -> PlantSimulator:
         """Add an effect of the library; its parameters join `parameters`, the strength first.
@@ -203,6 +209,21 @@ class PlantSimulator(Simulator):
         status = np.where(start, np.where(well, Status.OK, Status.DIVERGED), Status.NO_EQUILIBRIUM)
         rows = [self.device.outputs.index(name) for name in self.channels]
         return Responses(out[:, rows], status.astype(np.int64), event.time, self.channels)
+
+    def _with_injected_noise(self, observation: Observation, quiet: tuple[float, float]) -> Observation:
+        responses = self.simulate(self.parameters.nominal, observation.event)
+        if not responses.ok.all():  # whoever simulates will be told
+            return observation
+        part = (observation.time >= quiet[0]) & (observation.time <= quiet[1])
+        errors = (observation.values - responses.values[0])[:, part]
+        noise = np.maximum(observation.noise, [scatter(observation.time[part], e) for e in errors])
+        notes = [
+            f"The noise of {name} is taken as {new:.2g} instead of {old:.2g} pu, because the noise of the injected "
+            "voltage passes through the device."
+            for name, new, old in zip(self.channels, noise, observation.noise, strict=True)
+            if new > 1.1 * old
+        ]
+        return replace(observation, noise=noise, assumptions=(*observation.assumptions, *notes))
 
     def _values(self, theta: NDArray[np.float64], event: Playback) -> dict[str, NDArray[np.float64]]:
         """All constants, parameters and the operating point by name, each of shape (n,)."""

@@ -96,3 +96,19 @@ def test_gaps_of_the_voltage_are_filled_and_said():
 def test_nothing_to_compare_with():
     with pytest.raises(InputError, match="neither P nor Q was recorded"):
         PlantSimulator("pv_plant", recording(drop=("P", "Q")), operating_point={"P": 0.7, "Q": 0.1})
+
+
+def test_noise_of_the_injected_voltage_counts_as_noise_of_the_channels():
+    """A stiff machine turns angle noise into power noise: the error before the event tells how much."""
+    source = recording()
+    rng = np.random.default_rng(5)
+    values = {k: c.values for k, c in source.channels.items()}
+    values["angle"] = values["angle"] + 3e-3 * rng.standard_normal(values["angle"].shape)
+    noisy = Recording.from_arrays(source.time, values, base_mva=100, f_nominal=60, event_time=1.0)
+    simulator = PlantSimulator("synchronous_machine", noisy)
+    observed = simulator.observe(noisy)
+    y = simulator.simulate(simulator.parameters.nominal, observed.event).values[0]
+    quiet = observed.time < 0.95
+    assert observed.noise[0] > 3 * noisy.channels["P"].noise
+    assert np.allclose(observed.noise, (y - observed.values)[:, quiet].std(axis=1), rtol=0.2)
+    assert any("noise of P is taken as" in note for note in observed.assumptions)
