@@ -21,7 +21,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from errorscreen.exceptions import InputError
+from errorscreen.exceptions import InputError, MissingExtraError
 
 _HEADER = "errorscreen_header"
 
@@ -237,8 +237,10 @@ def save_tensors(
 
     Weights and configuration share one file, so they cannot come apart. Needs the ``cnn`` extra.
     """
-    from safetensors.numpy import save
-
+    try:
+        from safetensors.numpy import save
+    except ImportError as error:
+        raise MissingExtraError("safetensors", extra="cnn") from error
     content = {name: np.asarray(_plain(name, array), order="C") for name, array in arrays.items()}
     return write_bytes_atomic(path, save(content, {_HEADER: _header(format, version, meta).decode()}))
 
@@ -247,8 +249,10 @@ def load_tensors(
     path: str | os.PathLike[str], *, format: str, version: int
 ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """Read what `save_tensors` wrote; otherwise as `load_arrays`. Needs the ``cnn`` extra."""
-    from safetensors import SafetensorError, safe_open
-
+    try:
+        from safetensors import SafetensorError, safe_open
+    except ImportError as error:
+        raise MissingExtraError("safetensors", extra="cnn") from error
     where = f"file {path}"
     try:
         with safe_open(_existing(path), framework="np") as content:

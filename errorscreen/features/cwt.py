@@ -40,7 +40,7 @@ class CWTTransformer(TransformerMixin, BaseEstimator):
         Number of time columns W.
     energy : {"log", "linear"}, default "log"
         ``"log"`` gives log₁₀(E + floor of the channel).
-    floor : float, default 1e-6
+    floor : float, default 1e-3
         With ``energy="log"``: the floor of a channel as a multiple of its mean square in fit, so energies far
         below the errors of the training set all look alike.
     signed : bool, default False
@@ -113,7 +113,7 @@ class CWTTransformer(TransformerMixin, BaseEstimator):
         spacing: str = "log",
         n_columns: int = 256,
         energy: str = "log",
-        floor: float = 1e-6,
+        floor: float = 1e-3,
         signed: bool = False,
         output: str = "images",
         dtype: str = "float32",

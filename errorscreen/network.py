@@ -1,0 +1,209 @@
+"""The network and its training; imported only where one is trained or read, because it needs torch."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from skorch import NeuralNet
+from skorch.callbacks import Callback, EarlyStopping
+from skorch.dataset import ValidSplit
+from skorch.utils import noop
+from torch import nn
+from tqdm import tqdm
+
+from errorscreen.exceptions import InputError
+
+# the feature maps are averaged onto at most this many rows and columns before the fully connected layers
+_GRID = (4, 8)
+# images that are widened to float64 at a time
+_BLOCK = 256
+
+
+def build_network(
+    shape: tuple[int, int, int],
+    n_outputs: int,
+    n_filters: tuple[int, int, int],
+    n_hidden: int,
+    dropout: float,
+    nonnegative: bool,
+) -> nn.Sequential:
+    """Three convolution and two fully connected layers, equations (17)–(19).
+
+    Parameters
+    ----------
+    shape : tuple (R, H, W)
+        Channels, rows and columns of an image; any size from (1, 1, 1).
+    n_outputs : int
+        Number of parameters m.
+    n_filters : tuple of three int
+        Filters of the convolution layers.
+    n_hidden : int
+        Units of the first fully connected layer.
+    dropout : float
+        Share of hidden units left out in training.
+    nonnegative : bool
+        Softplus after the last layer, or nothing.
+
+    Examples
+    --------
+    >>> network = build_network((2, 64, 256), 10, (4, 4, 4), 8, 0.0, True)
+    >>> network(torch.zeros(3, 2, 64, 256)).shape
+    torch.Size([3, 10])
+    """
+    channels, *size = shape
+    layers: list[nn.Module] = []
+    # the first layer looks wide and steps by two: most of the work is at full resolution
+    for filters, reach, stride in zip(n_filters, (5, 3, 3), (2, 1, 1), strict=True):
+        kernel = [min(reach, 2 * length - 1) for length in size]  # a wider one would only see more padding
+        layers.append(nn.Conv2d(channels, filters, kernel, stride, padding=[k // 2 for k in kernel]))
+        layers += [nn.BatchNorm2d(filters), nn.ReLU()]
+        size = [math.ceil(length / stride) for length in size]
+        layers.append(nn.MaxPool2d([min(2, length) for length in size], ceil_mode=True))
+        size = [math.ceil(length / 2) for length in size]
+        channels = filters
+    # not AdaptiveAvgPool2d: its gradient is not deterministic on a GPU
+    pool = [math.ceil(length / cells) for length, cells in zip(size, _GRID, strict=True)]
+    size = [math.ceil(length / reach) for length, reach in zip(size, pool, strict=True)]
+    layers += [nn.AvgPool2d(pool, ceil_mode=True), nn.Flatten()]
+    layers += [nn.Linear(channels * math.prod(size), n_hidden), nn.ReLU(), nn.Dropout(dropout)]
+    layers.append(nn.Linear(n_hidden, n_outputs))
+    if nonnegative:
+        layers.append(nn.Softplus())
+    return nn.Sequential(*layers)
+
+
+def find_device(name: str) -> str:
+    """Return the torch device that `name` stands for; ``"auto"`` is a GPU where there is one.
+
+    Raises
+    ------
+    InputError
+        If torch does not know the device or cannot use it here.
+
+    Examples
+    --------
+    >>> find_device("cpu")
+    'cpu'
+    """
+    if name == "auto":
+        return "cuda" if torch.cuda.is_available() else "cpu"
+    try:
+        torch.empty(0, device=name)
+    except (RuntimeError, AssertionError, TypeError) as error:
+        raise InputError(
+            f"device {name!r} cannot be used here",
+            allowed="'auto', 'cpu', or 'cuda' with a GPU that torch can use",
+        ) from error
+    return name
+
+
+@contextmanager
+def own_random_state(seed: int) -> Iterator[None]:
+    """Give torch its own random numbers and repeatable kernels for a while, and leave the caller's alone."""
+    devices = range(torch.cuda.device_count())
+    with torch.random.fork_rng(devices=devices), torch.backends.cudnn.flags(deterministic=True):
+        torch.manual_seed(seed)
+        yield
+
+
+class Progress(Callback):
+    """Progress bar over the epochs, on standard error."""
+
+    def on_train_begin(self, net: NeuralNet, **kwargs: Any) -> None:
+        """Open the bar."""
+        self.bar_ = tqdm(total=net.max_epochs, desc="training", unit="epoch")
+
+    def on_epoch_end(self, net: NeuralNet, **kwargs: Any) -> None:
+        """Advance it and show the losses."""
+        losses = {key: net.history[-1][key] for key in ("train_loss", "valid_loss") if key in net.history[-1]}
+        self.bar_.set_postfix({key: f"{value:.4g}" for key, value in losses.items()})
+        self.bar_.update()
+
+    def on_train_end(self, net: NeuralNet, **kwargs: Any) -> None:
+        """Close it."""
+        self.bar_.close()
+        del self.bar_
+
+
+def wrap_network(network: nn.Module, *, device: str, batch_size: int) -> NeuralNet:
+    """Hold a network in a skorch net that can predict and be trained on."""
+    return NeuralNet(network, nn.HuberLoss, device=device, batch_size=batch_size, train_split=None, verbose=0)
+
+
+def read_weights(net: NeuralNet) -> dict[str, NDArray[Any]]:
+    """Weights of a trained net in float32, in which they were trained."""
+    return {
+        name: (value.float() if value.is_floating_point() else value).cpu().numpy()
+        for name, value in net.module_.state_dict().items()
+    }
+
+
+def load_weights(net: NeuralNet, weights: Mapping[str, NDArray[Any]]) -> None:
+    """Make a net a trained one; torch raises RuntimeError where the weights do not fit."""
+    net.initialize()
+    net.module_.load_state_dict({name: torch.from_numpy(value) for name, value in weights.items()})
+    net.module_.double()
+
+
+def train_network(
+    net: NeuralNet,
+    X: NDArray[Any],
+    y: NDArray[Any],
+    *,
+    lr: float,
+    weight_decay: float,
+    huber_delta: float,
+    max_epochs: int,
+    patience: int | None,
+    validation_fraction: float,
+    split_seed: int,
+    progress: bool,
+) -> None:
+    """Train with the Huber loss, equations (20) and (21), and keep the weights of the best epoch.
+
+    The part of the samples that judges the epochs is drawn with `split_seed`; without `patience`, or with too
+    few samples to set one aside and keep two, all epochs are run and the last weights are kept.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        Where the user stops the training: skorch would return a half-trained net.
+    InputError
+        If the loss becomes infinite or NaN.
+    """
+    n_validation = math.ceil(validation_fraction * len(X))  # as scikit-learn rounds it
+    watched = patience is not None and validation_fraction * len(X) >= 1 and len(X) - n_validation >= 2
+    n_train = len(X) - n_validation * watched
+    stopping = EarlyStopping(patience=patience, load_best=True, sink=noop)
+    net.set_params(
+        optimizer=torch.optim.AdamW,
+        optimizer__weight_decay=weight_decay,
+        lr=lr,
+        criterion__delta=huber_delta,
+        max_epochs=max_epochs,
+        iterator_train__shuffle=True,
+        # batch normalisation has nothing to normalise in a last batch of one sample
+        iterator_train__drop_last=n_train > net.batch_size and n_train % net.batch_size == 1,
+        train_split=ValidSplit(validation_fraction, random_state=split_seed) if watched else None,
+        callbacks=[("stopping", stopping)] * watched + [("progress", Progress())] * progress,
+    )
+    net.fit(np.require(X, requirements="W"), y)  # torch warns of arrays that it could not write to
+    finished = len(net.history) == max_epochs and "train_loss" in net.history[-1]
+    if not (finished or (watched and stopping.misses_ == patience)):
+        raise KeyboardInterrupt
+    if not math.isfinite(net.history[-1]["train_loss"]):
+        raise InputError("the training diverged: its loss is not finite", remedy="Lower lr")
+    # predictions in float64 do not depend on which samples share a batch
+    net.module_.double()
+
+
+def predict_network(net: NeuralNet, X: NDArray[Any]) -> NDArray[np.float64]:
+    """Outputs of a trained net for any number of images (n, R, H, W)."""
+    blocks = range(0, len(X), _BLOCK)
+    return np.concatenate([net.predict(X[start : start + _BLOCK].astype(np.float64)) for start in blocks])
