@@ -1,0 +1,32 @@
+# `make demo` and `make test` do all the set-up themselves, each in its own virtual environment.
+PYTHON ?= python3
+DEMO_OUT ?= errorscreen-demo
+PIP_INSTALL = -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
+
+.PHONY: demo test lint check clean
+
+demo: .venv/installed
+	.venv/bin/errorscreen demo --out $(DEMO_OUT)
+
+test: lint check
+
+.venv/installed: pyproject.toml constraints.txt
+	$(PYTHON) -m venv .venv
+	.venv/bin/python $(PIP_INSTALL) --editable ".[cnn]"
+	touch $@
+
+.venv-test/installed: pyproject.toml constraints.txt
+	$(PYTHON) -m venv .venv-test
+	.venv-test/bin/python $(PIP_INSTALL) --editable ".[test]"
+	touch $@
+
+lint: .venv-test/installed
+	.venv-test/bin/ruff check .
+	.venv-test/bin/ruff format --check .
+	.venv-test/bin/mypy
+
+check: .venv-test/installed
+	.venv-test/bin/pytest --numprocesses auto --dist loadfile
+
+clean:
+	rm -rf .venv .venv-test $(DEMO_OUT) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
