@@ -101,7 +101,13 @@ def check_integer(value: Any, name: str, *, low: int = 1, high: int | None = Non
 
 
 def check_real(
-    value: Any, name: str, *, low: float = -math.inf, high: float = math.inf, above: bool = False
+    value: Any,
+    name: str,
+    *,
+    low: float = -math.inf,
+    high: float = math.inf,
+    above: bool = False,
+    where: str | None = None,
 ) -> float:
     """Return `value` as float if it is a finite number in [low, high], and raise `InputError` otherwise.
 
@@ -113,6 +119,8 @@ def check_real(
     low, high : float
     above : bool, default False
         Whether `low` itself is excluded.
+    where : str, optional
+        File, key or argument, for the message.
 
     Examples
     --------
@@ -126,5 +134,6 @@ def check_real(
     if not good or value > high or value < low or (above and value == low):
         limits = [f"{'>' if above else '>='} {low:g}"] if low > -math.inf else []
         limits += [f"<= {high:g}"] if high < math.inf else []
-        raise InputError(f"{name} is {value!r}", allowed=" ".join(["a number", " and ".join(limits)]).strip())
+        allowed = " ".join(["a number", " and ".join(limits)]).strip()
+        raise InputError(f"{name} is {value!r}", where=where, allowed=allowed)
     return float(value)

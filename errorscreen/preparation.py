@@ -32,7 +32,7 @@ def find_event(
             )
         return float(stated)
     watched = {k: v for k, v in values.items() if k in ("V", "P", "Q")} or values
-    start = signals.detect_event(time, watched, least=LEAST_MOVE)
+    start = signals.detect_event(time, watched, least=LEAST_MOVE, where=where)
     notes.append(
         f"The event was taken to begin at {start:g} s, where the first of {', '.join(watched)} leaves its "
         "quiet band."
@@ -73,12 +73,13 @@ def channel_noise(
     known: Mapping[str, float],
     unit: str,
     notes: list[str],
+    where: str,
 ) -> float:
     """The known noise of a channel, or the one estimated from the quiet part."""
     if name in known:
         notes.append(f"The noise of {name} was given as {known[name]:g}.")
         return float(known[name])
-    noise = signals.estimate_noise(time, values, quiet)
+    noise = signals.estimate_noise(time, values, quiet, where=f"{where}, channel {name!r}")
     part = (time >= quiet[0]) & (time <= quiet[1])
     if signals.scatter(time[part], values[part]) < noise:
         notes.append(

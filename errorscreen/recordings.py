@@ -44,9 +44,7 @@ class Channel:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A recorded disturbance of one plant.
-
-    `Recording.from_arrays`, `errorscreen.io.read_csv` and `errorscreen.io.from_frame` build it.
+    """A recorded disturbance of one plant, built by `from_arrays`, `errorscreen.io.read_csv` or `from_frame`.
 
     Parameters
     ----------
@@ -166,7 +164,7 @@ class Recording:
         channels = {}
         for key, v in arrays.items():
             unit = ROLE_UNITS.get(key) or (units or {}).get(key, "")
-            sigma = preparation.channel_noise(key, t, v, quiet, noise or {}, unit, notes)
+            sigma = preparation.channel_noise(key, t, v, quiet, noise or {}, unit, notes, where)
             channels[key] = Channel(key, v, unit, sigma)
         recording = cls(name, t, channels, base_mva, f_nominal, start, quiet, base_kv, dict(given or {}))
         known = [n for n in ("V", "P") if n in channels or n in recording.given]

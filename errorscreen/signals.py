@@ -82,7 +82,9 @@ def scatter(time: ArrayLike, values: ArrayLike) -> float:
     return float(np.sqrt(np.sum(residual**2) / (len(residual) - order - 1)))
 
 
-def estimate_noise(time: ArrayLike, values: ArrayLike, quiet: tuple[float, float]) -> float:
+def estimate_noise(
+    time: ArrayLike, values: ArrayLike, quiet: tuple[float, float], *, where: str | None = None
+) -> float:
     """Standard deviation of the measurement noise, from the quiet part before the event.
 
     Parameters
@@ -91,6 +93,8 @@ def estimate_noise(time: ArrayLike, values: ArrayLike, quiet: tuple[float, float
         Seconds, and readings with NaN for gaps.
     quiet : (float, float)
         First and last instant of the quiet part in seconds.
+    where : str, optional
+        For the message.
 
     Returns
     -------
@@ -116,6 +120,7 @@ def estimate_noise(time: ArrayLike, values: ArrayLike, quiet: tuple[float, float
     if count < MIN_QUIET:
         raise InputError(
             f"{count} readings in the quiet part from {quiet[0]:g} to {quiet[1]:g} s say nothing about noise",
+            where=where,
             allowed=f"at least {MIN_QUIET} readings before the event",
             remedy="Use a recording that starts earlier, or give event_time and the noise of each channel",
         )
@@ -175,6 +180,7 @@ def detect_event(
     fraction: float = 0.05,
     least: float = 0.0,
     persist: int = 3,
+    where: str | None = None,
 ) -> float:
     """Find the instant at which the first channel leaves its quiet band for good.
 
@@ -190,6 +196,8 @@ def detect_event(
         unit, so that drift, rounding and the precursors of a filter do not count.
     persist : int
         Readings in a row that must lie outside, so that a single spike does not count.
+    where : str, optional
+        For the message.
 
     Returns
     -------
@@ -208,25 +216,39 @@ def detect_event(
     1.0
     """
     t = np.asarray(time, dtype=float)
-    onsets: dict[str, float] = {}
+    onsets: dict[str, tuple[float, bool]] = {}
     for name, values in channels.items():
         x = np.asarray(values, dtype=float)
         keep = np.isfinite(x)
         first = _first_outside(t[keep], x[keep], (n_sigma, fraction, least), persist)
         if first is not None:
-            onsets[name] = float(t[keep][first])
-        if first == 0:
-            raise InputError(
-                f"there is no quiet part: {name!r} moves from its first reading on",
-                allowed=f"at least {MIN_QUIET} readings before the event",
-                remedy="Use a recording that starts before the event, or give event_time",
-            )
+            onsets[name] = (float(t[keep][first]), _rests(t[keep], x[keep], first))
     if not onsets:
         raise InputError(
             f"no event was found: {', '.join(channels) or 'no channel'} never leaves its quiet band",
+            where=where,
             remedy="Give event_time, or check that the recording starts before the event",
         )
-    return min(onsets.values())
+    earliest = min(onsets, key=lambda name: onsets[name][0])
+    start, rests = onsets[earliest]
+    if not rests:
+        raise InputError(
+            f"there is no quiet part: {earliest!r} moves from its first reading on",
+            where=where,
+            allowed=f"at least {MIN_QUIET} readings before the event",
+            remedy="Use a recording that starts before the event, or give event_time",
+        )
+    return start
+
+
+def _rests(t: NDArray[np.float64], x: NDArray[np.float64], first: int) -> bool:
+    """True if the readings before `first` neither start outside the band nor drift by a fifth of the event."""
+    if first < 2:
+        return False
+    head, sigma = x[:first], scatter(t[:first], x[:first])
+    drift = abs(float(np.polyfit(t[:first], head, 1)[0])) * float(t[first - 1] - t[0])
+    excursion = float(np.percentile(np.abs(x - np.median(head)), 99))
+    return drift - 3 * sigma * float(np.sqrt(12 / first)) < 0.2 * excursion  # less the drift of mere noise
 
 
 def _first_outside(
