@@ -108,13 +108,14 @@ OMEGA = Parameter("omega", 6.0, 3.0, 12.0, unit="rad/s", description="natural fr
 ZETA = Parameter("zeta", 0.1, 0.02, 0.3, description="damping ratio")
 
 
-def oscillator(*, fail_above: float | None = None, **options: Any) -> Toy:
+def oscillator(*, omega: Parameter = OMEGA, fail_above: float | None = None, **options: Any) -> Toy:
     """Damped oscillator; parameters omega, zeta, gain and idle, which has no effect.
 
-    The squared error has many local minima in omega. Rows with omega above `fail_above` fail.
+    In a wide range of omega the squared error has many local minima, because oscillations that are out of
+    step look alike. Rows with omega above `fail_above` fail.
     """
     space = ParameterSpace(
-        [OMEGA, ZETA, Parameter("gain", 1.0, 0.5, 2.0), Parameter("idle", 3.0, 2.0, 4.0, unit="s")]
+        [omega, ZETA, Parameter("gain", 1.0, 0.5, 2.0), Parameter("idle", 3.0, 2.0, 4.0, unit="s")]
     )
     fails = None if fail_above is None else (lambda p: p["omega"] > fail_above)
     return Toy(space, _oscillate, fails=fails, **options)
@@ -139,3 +140,13 @@ def linear(matrix: NDArray[np.float64], half_range: float = 100.0) -> Toy:
 
     event = Event(np.arange(len(matrix), dtype=float), start=0.0)
     return Toy(space, response, channels=("y",), event=event)
+
+
+def tone() -> Toy:
+    """Single undamped oscillation gain·sin(omega t): a local minimum for every beat of omega."""
+    space = ParameterSpace([Parameter("omega", 6.0, 3.0, 30.0), Parameter("gain", 1.0, 0.5, 2.0)])
+
+    def response(p: dict[str, NDArray[np.float64]], event: Event) -> NDArray[np.float64]:
+        return (p["gain"] * np.sin(p["omega"] * np.maximum(event.time - event.start, 0.0)))[:, None, :]
+
+    return Toy(space, response, channels=("y",))

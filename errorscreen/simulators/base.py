@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from enum import IntEnum
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from errorscreen.events import Event
-from errorscreen.exceptions import SimulationError
+from errorscreen.exceptions import InputError, SimulationError
 from errorscreen.parameters import ParameterSpace
 from errorscreen.recordings import Observation
 
@@ -114,9 +115,30 @@ class Simulator(ABC):
         InputError
             If this simulator has no port for it.
         """
-        from errorscreen.exceptions import InputError
-
         raise InputError(f"{type(self).__name__} has no ports, so {effect!r} cannot be added")
+
+    def with_nominal(self, theta: ArrayLike) -> Simulator:
+        """Return this simulator with other nominal values, for example calibrated ones.
+
+        Bounds, and the scales that deviations are measured against, stay as they are.
+
+        Parameters
+        ----------
+        theta : array-like of shape (m,)
+
+        Raises
+        ------
+        InputError
+            If there is not one finite value inside the bounds for each parameter.
+        """
+        values = self.parameters.validate(theta)[0]
+        changes = {
+            p.name: {"nominal": value, "scale": p.scale}
+            for p, value in zip(self.parameters, values, strict=True)
+        }
+        changed = copy.copy(self)
+        changed.parameters = self.parameters.replace(changes)
+        return changed
 
     def baseline(self, event: Event | None = None) -> NDArray[np.float64]:
         """Response at the nominal parameters, y₀ = F(θ₀), shape (R, L)."""

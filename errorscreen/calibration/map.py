@@ -1,0 +1,259 @@
+"""Calibration by bounded least squares with a prior at the nominal values."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+from sklearn.utils.validation import check_is_fitted
+from tqdm import tqdm
+
+from errorscreen.calibration.base import BaseCalibrator
+from errorscreen.calibration.intervals import (
+    DETERMINED,
+    collinear_groups,
+    correlation,
+    noise_inflation,
+    posterior_covariance,
+)
+from errorscreen.calibration.problem import FitProblem
+from errorscreen.calibration.search import BoundedSearch
+from errorscreen.exceptions import check_integer, check_real
+from errorscreen.sampling import latin_hypercube
+from errorscreen.simulators.base import Simulator
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+class MAPCalibrator(BaseCalibrator):
+    r"""Most probable parameters for all recordings together, with intervals.
+
+    Minimises
+
+    .. math:: \chi^2(\theta) + \sum_j \left(\frac{\theta_j - \theta_{j,0}}{s\,|\theta_{j,0}|}\right)^2
+
+    inside the bounds, where χ² sums squared errors in multiples of each channel's noise over all recordings.
+    The second term is a Gaussian prior around the nominal value with s = `prior_scale` as relative standard
+    deviation; it decides where the recordings say nothing. The search (`BoundedSearch`) runs from the nominal
+    values and from the best matches in a library of Latin-hypercube simulations, because a single start can
+    end in a local minimum that looks exactly like a missing effect.
+
+    Parameters
+    ----------
+    simulator : Simulator
+    names : iterable of str, optional
+        Parameters to calibrate; the others stay nominal. All where not given.
+    prior_scale : float, default 0.3
+        Standard deviation of the prior in multiples of each parameter's scale (its nominal value). The bounds
+        hold whatever it is.
+    n_starts : int, default 8
+        Number of starts; the first is the nominal one. With 1 there is no library.
+    library_size : int, default 2048
+        Number of simulations, for each recording, from which the other starts are taken.
+    max_iterations : int, default 50
+    tol : float, default 1e-3
+        A start has converged where no step inside the bounds promises to lower the objective by more than
+        ``tol * max(1, χ²/N)``.
+    step : float, default 1e-4
+        Step of the central differences, in multiples of each parameter's scale.
+    level : float, default 0.9
+        Probability that an interval is to hold the true value.
+    random_state : None, int, SeedSequence, Generator or RandomState
+        For the library.
+    progress : bool, default False
+        Show a progress bar.
+
+    Attributes
+    ----------
+    theta_, names_, values_, simulator_, n_simulations_, n_failed_
+        See `BaseCalibrator`.
+    chi2_ : float
+        χ² of the fit.
+    chi2_per_sample_ : float
+        χ²/N; about 1 if noise explains what is left.
+    converged_ : bool
+        Whether the best start met the tolerance.
+    starts_ : list of dict
+        ``"objective"``, ``"chi2_per_sample"`` and ``"state"`` (``"converged"``, ``"stalled"``, ``"active"`` if
+        the iterations did not suffice) at the end of each start.
+    history_ : dict of str to ndarray of shape (iterations,)
+        ``"chi2_per_sample"`` of the best start, ``"simulations"`` so far, ``"active"`` starts.
+    covariance_ : ndarray of shape (k, k)
+        Posterior covariance, in the parameters' units.
+    correlation_ : ndarray of shape (k, k)
+    inflation_ : float
+        Factor by which the noise variance was increased for the covariance because the residuals exceed the
+        noise or are correlated in time, see `noise_inflation`; 1 if they do not.
+    intervals_ : ndarray of shape (k, 2)
+        Lower and upper ends from the covariance, cut at the bounds.
+    at_bound_ : ndarray of shape (k,), bool
+        Values at a bound: the recordings pull them outside, and the interval only shows how firmly.
+    identifiable_ : ndarray of shape (k,), bool
+        Whether the standard deviation fell below half of what prior and bounds allow.
+    groups_ : list of tuple of str
+        Parameters that the recordings determine only together, see `collinear_groups`.
+    """
+
+    chi2_: float
+    chi2_per_sample_: float
+    converged_: bool
+    starts_: list[dict[str, Any]]
+    history_: dict[str, NDArray[np.float64]]
+
+    def __init__(
+        self,
+        simulator: Simulator,
+        names: Iterable[str] | None = None,
+        *,
+        prior_scale: float = 0.3,
+        n_starts: int = 8,
+        library_size: int = 2048,
+        max_iterations: int = 50,
+        tol: float = 1e-3,
+        step: float = 1e-4,
+        level: float = 0.9,
+        random_state: Any = None,
+        progress: bool = False,
+    ) -> None:
+        self.simulator = simulator
+        self.names = names
+        self.prior_scale = prior_scale
+        self.n_starts = n_starts
+        self.library_size = library_size
+        self.max_iterations = max_iterations
+        self.tol = tol
+        self.step = step
+        self.level = level
+        self.random_state = random_state
+        self.progress = progress
+
+    def fit(self, X: Any, y: None = None) -> MAPCalibrator:
+        """Calibrate on one recording, or on several together.
+
+        An interrupted fit (Ctrl-C) keeps the best values so far, without intervals.
+
+        Parameters
+        ----------
+        X : Observation, or anything ``simulator.observe`` takes, or a list of them
+        y : None
+            Not used, present for scikit-learn.
+
+        Raises
+        ------
+        InputError
+            If an argument or a recording cannot be used.
+        SimulationError
+            If the simulations of all starts failed.
+        """
+        problem = FitProblem(self.simulator, X, self.names)
+        max_iterations = check_integer(self.max_iterations, "max_iterations")
+        check_real(self.level, "level", low=0.0, high=1.0, above=True)
+        search = self._search(problem)
+        search.begin(self._starts(problem))
+        if not search.tracks:
+            raise problem.no_success()
+        history: list[tuple[float, int, int]] = []
+        try:
+            for _ in tqdm(range(max_iterations), desc="least squares", disable=not self.progress):
+                more = search.iterate()
+                active = sum(track.state == "active" for track in search.tracks)
+                history.append((float(np.mean(search.best.residuals**2)), problem.n_simulations, active))
+                if not more:
+                    break
+            self._describe(problem, search)
+        finally:
+            self._finish(problem, search, history)
+        return self
+
+    def to_frame(self) -> pd.DataFrame:
+        """Table of the calibrated parameters, one row each, indexed by name."""
+        import pandas as pd
+
+        check_is_fitted(self, "intervals_")
+        space = self.simulator.parameters.subset(self.names_)
+        group = {name: number for number, names in enumerate(self.groups_, start=1) for name in names}
+        return pd.DataFrame(
+            {
+                "unit": [p.unit for p in space],
+                "nominal": space.nominal,
+                "value": list(self.values_.values()),
+                "low": self.intervals_[:, 0],
+                "high": self.intervals_[:, 1],
+                "at_bound": self.at_bound_,
+                "identifiable": self.identifiable_,
+                "group": [group.get(name, 0) for name in self.names_],
+            },
+            index=pd.Index(self.names_, name="name"),
+        )
+
+    def _search(self, problem: FitProblem) -> BoundedSearch:
+        """Search in u, the deviation from nominal in multiples of the scale."""
+        space = problem.space
+        lower, upper = ((space.bounds - space.nominal[:, None]) / space.scales[:, None]).T
+        return BoundedSearch(
+            lambda u: problem.residuals(space.nominal + u * space.scales),
+            lower,
+            upper,
+            prior=check_real(self.prior_scale, "prior_scale", low=0.0, above=True),
+            tol=check_real(self.tol, "tol", low=0.0, above=True),
+            step=check_real(self.step, "step", low=0.0, above=True),
+        )
+
+    def _starts(self, problem: FitProblem) -> NDArray[np.float64]:
+        """Nominal, and the best matches of the library, in u."""
+        space = problem.space
+        others = check_integer(self.n_starts, "n_starts") - 1
+        nominal = np.zeros((1, len(space)))
+        if not others:
+            return nominal
+        size = check_integer(self.library_size, "library_size", low=others)
+        library = latin_hypercube(space, size, self.random_state)
+        u = (library - space.nominal) / space.scales
+        costs = problem.chi_square(library) + ((u / self.prior_scale) ** 2).sum(axis=1)
+        return np.vstack([nominal, u[np.argsort(costs, kind="stable")[:others]]])  # NaN comes last
+
+    def _finish(
+        self, problem: FitProblem, search: BoundedSearch, history: list[tuple[float, int, int]]
+    ) -> None:
+        """Take over the best values, also of a search that was interrupted."""
+        best = search.best
+        self._store(problem, problem.space.nominal + best.u * problem.space.scales)
+        self.chi2_ = float(np.sum(best.residuals**2))
+        self.chi2_per_sample_ = self.chi2_ / problem.n_values
+        self.converged_ = best.state == "converged"
+        self.starts_ = [
+            {"objective": t.cost, "chi2_per_sample": float(np.mean(t.residuals**2)), "state": t.state}
+            for t in search.tracks
+        ]
+        columns = np.array(history, dtype=float).reshape(-1, 3).T
+        self.history_ = dict(zip(("chi2_per_sample", "simulations", "active"), columns, strict=True))
+
+    def _describe(self, problem: FitProblem, search: BoundedSearch) -> None:
+        """Intervals and what goes with them, from the linear model at the best values."""
+        best, space = search.best, problem.space
+        search.differentiate([best])
+        assert best.jacobian is not None
+        values = space.nominal + best.u * space.scales
+        determined = len(space) - np.trace(posterior_covariance(best.jacobian, self.prior_scale)) / (
+            self.prior_scale**2
+        )
+        self.inflation_ = noise_inflation([z[0] for z in problem.deviations(values)], determined)
+        covariance = posterior_covariance(best.jacobian, self.prior_scale, self.inflation_)
+        deviation = np.sqrt(np.diag(covariance))
+        lower, upper = space.bounds.T
+        width = (upper - lower) / space.scales
+        known = np.minimum(self.prior_scale, width / np.sqrt(12))  # a uniform law has width / sqrt(12)
+        self.covariance_ = covariance * np.outer(space.scales, space.scales)
+        self.correlation_ = correlation(covariance)
+        half = norm.ppf(0.5 + self.level / 2) * deviation * space.scales
+        self.intervals_ = np.clip([values - half, values + half], lower, upper).T
+        margin = 1e-6 * (upper - lower)
+        self.at_bound_ = (values <= lower + margin) | (values >= upper - margin)
+        self.identifiable_ = deviation < DETERMINED * known
+        self.groups_ = [
+            tuple(problem.names[j] for j in group) for group in collinear_groups(covariance, known)
+        ]

@@ -1,0 +1,109 @@
+"""A fit as the optimisers see it: parameter values in, misfit out, one simulate call for each event."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from errorscreen.exceptions import SimulationError
+from errorscreen.metrics import channel_weights, objective, quiet_level, response_error
+from errorscreen.simulators.base import Simulator
+from errorscreen.simulators.observations import as_observations, check_names
+
+#: simulated numbers that are held at a time when only their misfit is wanted (128 MiB)
+_CHUNK = 2**24
+
+
+class FitProblem:
+    """The misfit between a simulator and recordings as a function of some of its parameters.
+
+    Parameters
+    ----------
+    simulator : Simulator
+    recordings : Observation, or anything ``simulator.observe`` takes, or a list of them
+        All are fitted together.
+    names : iterable of str, optional
+        The k parameters that may change; the others stay nominal. All where not given.
+
+    Attributes
+    ----------
+    names : tuple of k str
+    space : ParameterSpace
+        The k parameters.
+    observations : list of Observation
+    n_values : int
+        Number N of measured values in all recordings and channels.
+    n_simulations, n_failed : int
+        Simulations so far, over all events, and how many of them failed.
+    """
+
+    def __init__(self, simulator: Simulator, recordings: Any, names: Iterable[str] | None = None) -> None:
+        self.observations = as_observations(simulator, recordings)
+        self.simulator = simulator
+        self.names = check_names(simulator.parameters, names)
+        self.space = simulator.parameters.subset(self.names)
+        self.n_values = int(sum(observation.mask.sum() for observation in self.observations))
+        self.n_simulations = 0
+        self.n_failed = 0
+        self._failures = ""
+        self._levels = [quiet_level(o.values, o.time, o.event.start) for o in self.observations]
+
+    def embed(self, values: ArrayLike) -> NDArray[np.float64]:
+        """Full parameter vectors (n, m) for values (n, k) of the selected parameters, kept inside the bounds."""
+        lower, upper = self.space.bounds.T
+        return self.simulator.parameters.embed(np.clip(values, lower, upper), self.names)
+
+    def deviations(self, values: ArrayLike) -> list[NDArray[np.float64]]:
+        """Simulated minus measured in multiples of the noise, for each recording (n, R, L).
+
+        NaN where nothing was measured, and in rows that failed.
+        """
+        return [
+            (responses - observation.values) / np.asarray(observation.noise)[:, None]
+            for observation, responses in zip(self.observations, self._simulate(values), strict=True)
+        ]
+
+    def residuals(self, values: ArrayLike) -> NDArray[np.float64]:
+        """All deviations where something was measured, shape (n, N); NaN in rows that failed."""
+        pairs = zip(self.deviations(values), self.observations, strict=True)
+        return np.concatenate([z[:, observation.mask] for z, observation in pairs], axis=1)
+
+    def chi_square(self, values: ArrayLike) -> NDArray[np.float64]:
+        """χ² of each row, shape (n,); NaN in rows that failed. Any number of rows fits into memory."""
+        values = np.atleast_2d(np.asarray(values, dtype=float))
+        size = max(o.values.size for o in self.observations)
+        rows = max(1, _CHUNK // (size * len(self.observations)))
+        chunks = [values[start : start + rows] for start in range(0, len(values), rows)]
+        return np.concatenate([(self.residuals(chunk) ** 2).sum(axis=1) for chunk in chunks])
+
+    def objective(self, values: ArrayLike, weights: ArrayLike | None = None) -> NDArray[np.float64]:
+        """J, equation (24), of each row, summed over the recordings, shape (n,); NaN in rows that failed.
+
+        A channel of which a recording holds nothing adds nothing.
+        """
+        lambdas = channel_weights(weights, len(self.simulator.channels))
+        total = np.zeros(len(np.atleast_2d(values)))
+        pairs = zip(self.observations, self._simulate(values), self._levels, strict=True)
+        for observation, responses, level in pairs:
+            measured = observation.mask.any(axis=1)
+            errors = response_error(responses[:, measured], observation.values[measured], level[measured])
+            total += objective(errors, lambdas[measured])
+        return total
+
+    def no_success(self) -> SimulationError:
+        """Build the error for a fit in which no simulation ended well."""
+        return SimulationError(f"no simulation of the fit ended well: {self._failures}.")
+
+    def _simulate(self, values: ArrayLike) -> Iterator[NDArray[np.float64]]:
+        theta = self.embed(values)
+        for observation in self.observations:
+            responses = self.simulator.simulate(theta, observation.event)
+            self.n_simulations += len(theta)
+            failed = int(np.sum(~responses.ok))
+            if failed:
+                self.n_failed += failed
+                self._failures = responses.failures()
+            yield responses.values

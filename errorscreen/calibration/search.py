@@ -1,0 +1,195 @@
+"""Bounded, damped Gauss-Newton search from several starts at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import cholesky, solve_triangular
+from scipy.optimize import lsq_linear
+
+#: damping values tried in one batch, relative to the one that worked last
+_DAMPINGS = 10.0 ** np.arange(-3, 4)
+_FIRST_DAMPING, _LARGEST_DAMPING, _SMALLEST_DAMPING = 0.1, 1e6, 1e-9
+#: keeps the normal matrix of an undamped step positive definite in floating point
+_JITTER = 1e-12
+#: a decrease below this share of what counts as converged is no progress
+_NO_PROGRESS = 1e-2
+
+_Array = NDArray[np.float64]
+
+
+@dataclass
+class Track:
+    """One start and where it has got to.
+
+    Attributes
+    ----------
+    u : ndarray of shape (k,)
+        Position.
+    residuals : ndarray of shape (N,)
+    cost : float
+        Objective there.
+    jacobian : ndarray of shape (N, k) or None
+        Of the residuals at `u`; None where the position is newer.
+    damping : float
+        The value that worked last.
+    state : str
+        ``"active"``; ``"converged"``; ``"stalled"`` if no step lowers the objective as the linear model
+        promises, for example at a kink.
+    """
+
+    u: _Array
+    residuals: _Array
+    cost: float
+    jacobian: _Array | None = None
+    damping: float = _FIRST_DAMPING
+    state: str = "active"
+
+
+class BoundedSearch:
+    r"""Minimise :math:`\sum z_i(u)^2 + \sum (u_j / s)^2` inside bounds, from several starts in lockstep.
+
+    Each iteration evaluates two batches for all starts together: the central differences of the residuals z,
+    and one trial point for each of seven damping values. A step is the exact minimiser of the damped linear
+    model inside the bounds: the normal matrix is scaled to unit diagonal, damped, and factorised by Cholesky,
+    which leaves a small least-squares problem with bounds for `scipy.optimize.lsq_linear`. A clipped
+    Levenberg–Marquardt step is not: it gets stuck as soon as a bound is active.
+
+    A residual vector that is NaN marks a failed evaluation. A trial point that failed is not taken; a
+    difference is taken from the side that worked, and a parameter with no side that works counts as without
+    effect in that iteration.
+
+    Parameters
+    ----------
+    residuals : callable
+        (n, k) → (n, N).
+    lower, upper : array-like of shape (k,)
+    prior : float
+        Standard deviation s of the Gaussian prior of each u around 0.
+    tol : float
+        Converged where the undamped step inside the bounds promises to lower the objective by less than
+        ``tol * max(1, χ²/N)``. A decrease by 1 is one standard deviation of one parameter.
+    step : float
+        Step of the central differences in u.
+    """
+
+    def __init__(
+        self,
+        residuals: Callable[[_Array], _Array],
+        lower: ArrayLike,
+        upper: ArrayLike,
+        *,
+        prior: float,
+        tol: float,
+        step: float,
+    ) -> None:
+        self._residuals = residuals
+        self._lower, self._upper = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
+        self._prior, self._tol, self._step = prior, tol, step
+        self.tracks: list[Track] = []
+
+    def begin(self, starts: ArrayLike) -> None:
+        """Evaluate the starts (s, k); those that fail are left out."""
+        u = np.clip(np.atleast_2d(np.asarray(starts, dtype=float)), self._lower, self._upper)
+        z = self._residuals(u)
+        costs = self._costs(u, z)
+        self.tracks = [Track(u[i], z[i], float(costs[i])) for i in np.flatnonzero(np.isfinite(costs))]
+
+    @property
+    def best(self) -> Track:
+        """The track with the lowest objective."""
+        return min(self.tracks, key=lambda track: track.cost)
+
+    def iterate(self) -> bool:
+        """Move every active track once; return whether any is still active."""
+        active = self._active()
+        self.differentiate(active)
+        for track in active:
+            if self._promise(track) < self._tolerance(track):
+                track.state = "converged"
+        active = self._active()
+        if active:
+            self._try_steps(active)
+        return bool(self._active())
+
+    def differentiate(self, tracks: list[Track]) -> None:
+        """Give each track its Jacobian, where it has none: central differences in one batch."""
+        tracks = [track for track in tracks if track.jacobian is None]
+        if not tracks:
+            return
+        k = len(self._lower)
+        points = np.repeat([track.u for track in tracks], 2 * k, axis=0).reshape(len(tracks), 2, k, k)
+        diagonal = np.arange(k)
+        points[:, 0, diagonal, diagonal] += self._step
+        points[:, 1, diagonal, diagonal] -= self._step
+        points = np.clip(points, self._lower, self._upper)
+        z = self._residuals(points.reshape(-1, k)).reshape(len(tracks), 2, k, -1)
+        for track, point, values in zip(tracks, points, z, strict=True):
+            ends = point[:, diagonal, diagonal]
+            failed = np.asarray(np.isnan(values).any(axis=-1))
+            ends = np.where(failed, track.u, ends)
+            values = np.where(failed[..., None], track.residuals, values)
+            width = ends[0] - ends[1]
+            slope = (values[0] - values[1]) / np.where(width > 0, width, 1.0)[:, None]
+            track.jacobian = slope.T
+
+    def normal_equations(self, track: Track) -> tuple[_Array, _Array]:
+        """Half the Gauss-Newton Hessian (k, k) and half the gradient (k,) of the objective."""
+        assert track.jacobian is not None
+        J = track.jacobian
+        A = J.T @ J + np.eye(len(track.u)) / self._prior**2
+        return A, J.T @ track.residuals + track.u / self._prior**2
+
+    def _active(self) -> list[Track]:
+        return [track for track in self.tracks if track.state == "active"]
+
+    def _costs(self, u: _Array, z: _Array) -> _Array:
+        return (z**2).sum(axis=-1) + ((u / self._prior) ** 2).sum(axis=-1)
+
+    def _tolerance(self, track: Track) -> float:
+        return self._tol * max(1.0, float(np.mean(track.residuals**2)))
+
+    def _promise(self, track: Track) -> float:
+        """How much the undamped linear model would lower the objective."""
+        A, g = self.normal_equations(track)
+        d = self._steps(track, [0.0])[0]
+        return float(-(2 * g @ d + d @ A @ d))
+
+    def _steps(self, track: Track, dampings: ArrayLike) -> _Array:
+        """Minimiser of the damped linear model inside the bounds for each damping value, (7, k)."""
+        A, g = self.normal_equations(track)
+        scale = np.sqrt(np.diag(A))
+        A, g = A / np.outer(scale, scale), g / scale
+        low, high = (self._lower - track.u) * scale, (self._upper - track.u) * scale
+        steps = []
+        for damping in np.asarray(dampings, dtype=float):
+            C = cholesky(A + (damping + _JITTER) * np.eye(len(g)))
+            target = -solve_triangular(C, g, trans="T")
+            d = lsq_linear(C, target, bounds=(low, high), method="bvls").x
+            steps.append(np.clip(d, low, high) / scale)
+        return np.array(steps)
+
+    def _try_steps(self, tracks: list[Track]) -> None:
+        """Evaluate all damping values of all tracks in one batch and take the best of each."""
+        dampings = np.array([track.damping * _DAMPINGS for track in tracks])
+        steps = np.array([self._steps(t, d) for t, d in zip(tracks, dampings, strict=True)])
+        trials = np.clip(np.array([t.u for t in tracks])[:, None] + steps, self._lower, self._upper)
+        z = self._residuals(trials.reshape(-1, trials.shape[-1])).reshape(*trials.shape[:2], -1)
+        for track, damping, trial, values in zip(tracks, dampings, trials, z, strict=True):
+            costs = self._costs(trial, values)
+            costs[np.isnan(costs)] = np.inf
+            best = int(np.argmin(costs))
+            gain = track.cost - costs[best]
+            if gain > 0:
+                track.u, track.residuals, track.cost = trial[best], values[best].copy(), float(costs[best])
+                track.jacobian = None
+                track.damping = max(damping[best], _SMALLEST_DAMPING)
+                if gain < _NO_PROGRESS * self._tolerance(track):
+                    track.state = "stalled"
+            elif track.damping < _LARGEST_DAMPING:
+                track.damping *= _DAMPINGS[-1] / _DAMPINGS[0] * 10  # the next seven lie above all of these
+            else:
+                track.state = "stalled"

@@ -1,0 +1,123 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import least_squares, lsq_linear
+
+from errorscreen.calibration import BoundedSearch
+
+WIDE = 1e3
+
+
+def run(residuals, lower, upper, starts, *, prior=1e6, tol=1e-12, step=1e-4, iterations=200):
+    search = BoundedSearch(residuals, lower, upper, prior=prior, tol=tol, step=step)
+    search.begin(starts)
+    for _ in range(iterations):
+        if not search.iterate():
+            break
+    return search
+
+
+def rosenbrock(u):
+    return np.stack([10 * (u[:, 1] - u[:, 0] ** 2), 1 - u[:, 0]], axis=1)
+
+
+def exponential(u):
+    t = np.linspace(0, 3, 25)
+    return u[:, :1] * np.exp(-u[:, 1:] * t) - (2.5 * np.exp(-1.3 * t) + 0.05 * np.cos(9 * t))
+
+
+@pytest.mark.parametrize(("residuals", "start"), [(rosenbrock, [-1.2, 1.0]), (exponential, [1.0, 0.2])])
+def test_without_bounds_it_finds_what_scipy_finds(residuals, start):
+    search = run(residuals, [-WIDE] * 2, [WIDE] * 2, start)
+    assert search.best.state == "converged"
+    expected = least_squares(lambda u: residuals(u[None])[0], start, xtol=1e-14, ftol=1e-14, gtol=1e-14).x
+    np.testing.assert_allclose(search.best.u, expected, rtol=1e-6)
+
+
+@given(seed=st.integers(0, 10**6), k=st.integers(1, 6))
+@settings(max_examples=40, deadline=None)
+def test_a_bounded_linear_problem_with_prior_is_solved_exactly(seed, k):
+    rng = np.random.default_rng(seed)
+    A, b = rng.standard_normal((12, k)), 3 * rng.standard_normal(12)
+    lower, upper = -rng.uniform(0.1, 1, k), rng.uniform(0.1, 1, k)
+    search = run(lambda u: u @ A.T - b, lower, upper, np.zeros(k), prior=0.7, tol=1e-15, step=1e-2)
+    stacked = np.vstack([A, np.eye(k) / 0.7])
+    expected = lsq_linear(stacked, np.append(b, np.zeros(k)), bounds=(lower, upper), method="bvls", tol=1e-14)
+    np.testing.assert_allclose(search.best.u, expected.x, atol=1e-7)
+    assert search.best.cost == pytest.approx(2 * expected.cost, rel=1e-9)
+    assert search.best.state == "converged"
+
+
+def test_each_iteration_is_two_batches_for_all_starts_inside_the_bounds():
+    sizes = []
+
+    def counted(u):
+        sizes.append(len(u))
+        assert np.all((u >= -2) & (u <= 2))
+        return rosenbrock(u)
+
+    search = BoundedSearch(counted, [-2, -2], [2, 2], prior=1e6, tol=1e-8, step=1e-4)
+    search.begin([[-1.2, 1.0], [2.0, -2.0], [0.0, 2.0]])
+    search.iterate()
+    assert sizes == [3, 3 * 4, 3 * 7]
+
+
+def test_several_starts_escape_a_local_minimum():
+    def two_wells(u):
+        return np.concatenate([(u**2 - 1) * 5, 0.5 * (u - 1)], axis=1)
+
+    one = run(two_wells, [-3], [3], [[-2.0]])
+    both = run(two_wells, [-3], [3], [[-2.0], [2.0]])
+    assert one.best.state == "converged"
+    assert one.best.u[0] < -0.9
+    assert both.best.u[0] == pytest.approx(1.0)
+    assert [track.state for track in both.tracks] == ["converged", "converged"]
+
+
+def test_failed_evaluations_are_walked_around():
+    def holes(u):
+        z = rosenbrock(u)
+        z[np.hypot(u[:, 0] - 0.2, u[:, 1] + 0.3) < 0.25] = np.nan  # beside the valley
+        z[u[:, 0] > 1.0 + 1e-9] = np.nan  # the minimum lies at the edge
+        return z
+
+    search = run(holes, [-WIDE] * 2, [WIDE] * 2, [[-1.2, 1.0], [0.2, -0.3]])
+    assert len(search.tracks) == 1  # the second start failed
+    np.testing.assert_allclose(search.best.u, [1.0, 1.0], atol=1e-4)
+
+
+def test_a_parameter_whose_neighbours_both_fail_counts_as_without_effect():
+    def blind(u):
+        z = np.stack([u[:, 0] - 2.0, 0 * u[:, 0]], axis=1)
+        z[np.isclose(np.abs(u[:, 1] - 0.5), 1e-4)] = np.nan
+        return z
+
+    search = run(blind, [-5, -5], [5, 5], [[0.0, 0.5]], prior=1e3)
+    np.testing.assert_allclose(search.best.u, [2.0, 0.0], atol=1e-4)  # the prior takes it to nominal
+
+
+def test_all_starts_failing_leaves_no_track():
+    search = BoundedSearch(lambda u: np.full((len(u), 3), np.nan), [-1], [1], prior=1, tol=1e-3, step=1e-4)
+    search.begin([[0.0], [0.5]])
+    assert search.tracks == []
+
+
+def test_a_kink_that_cannot_be_descended_is_called_stalled():
+    def kink(u):
+        return (
+            3.0 + 1e3 * np.abs(u) + 10 * u
+        )  # the slope next to the kink promises a descent that is not there
+
+    search = run(kink, [-1], [1], [[0.3]])
+    assert search.best.state == "stalled"
+    assert search.best.u[0] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_nearly_collinear_parameters_do_not_break_it():
+    A = np.random.default_rng(0).standard_normal((20, 1)) @ [[1.0, -2.0, 1e-9]]
+    truth = np.array([0.5, 0.2, 0.0])
+    search = run(lambda u: (u - truth) @ A.T * 1e4, [-1] * 3, [1] * 3, np.zeros(3), prior=1.0)
+    assert search.best.state == "converged"
+    # the smallest deviation with the measured sum
+    np.testing.assert_allclose(search.best.u, np.array([1, -2, 0]) * 0.1 / 5, atol=1e-6)
