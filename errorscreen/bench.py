@@ -1,0 +1,202 @@
+"""Speed of the parts that decide how long a study takes, each against its reference in the same run."""
+
+from __future__ import annotations
+
+import os
+import platform
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from errorscreen.events import Playback
+from errorscreen.exceptions import MissingExtraError
+from errorscreen.persistence import write_json_atomic
+from errorscreen.power import DEVICES
+from errorscreen.sampling import latin_hypercube
+from errorscreen.simulators import PlantSimulator
+
+BATCHES = (1, 64, 1024)
+THREADS = (1, 2)
+SCHEMA_VERSION = 1
+_SHORTEST = 0.3  # seconds of repetition behind every figure
+_CNN_SHAPE = (2500, 2, 64, 256)
+
+
+def speed(out: str | Path, report: Callable[[str], None] = print, *, cnn: bool = True) -> dict[str, Any]:
+    """Measure, write ``out/result.json`` and ``out/table.md``, and return the result.
+
+    Parameters
+    ----------
+    out : str or Path
+        Folder, made where it is missing.
+    report : callable
+        Takes lines of text while it measures.
+    cnn : bool
+        Whether to time an epoch of the network, which needs the extra ``cnn`` and takes a minute or more.
+
+    Returns
+    -------
+    dict
+        ``simulations_per_second`` by case and batch size with the largest number of threads, and the same by number of
+        threads in ``threads``; ``compile_seconds`` and ``cached_import_seconds`` by case; ``cwt`` with
+        ``signals_per_second`` and ``ratio_to_pywt``; ``cnn_epoch_seconds``.
+    """
+    out = Path(out)
+    out.mkdir(parents=True, exist_ok=True)
+    result: dict[str, Any] = {"schema_version": SCHEMA_VERSION, "kind": "bench-speed", "machine": machine()}
+    result["threads"] = {str(k): {} for k in THREADS}
+    for name in DEVICES:
+        for threads in THREADS:
+            figures = simulations_per_second(name, threads)
+            result["threads"][str(threads)][name] = figures
+            report(f"{name}, {threads} thread(s): " + ", ".join(f"n = {n}: {v:.0f}/s" for n, v in figures.items()))
+    result["simulations_per_second"] = result["threads"][str(THREADS[-1])]
+    result |= {"compile_seconds": {}, "cached_import_seconds": {}}
+    for name in DEVICES:
+        compiled, cached = first_use_seconds(name)
+        result["compile_seconds"][name], result["cached_import_seconds"][name] = compiled, cached
+        report(f"{name}: first use {compiled:.1f} s, from the cache {cached:.1f} s (a new process each)")
+    result["cwt"] = cwt_speed()
+    report("CWT: {signals_per_second:.0f} signals/s, {ratio_to_pywt:.1f} times pywt.cwt".format(**result["cwt"]))
+    if cnn:
+        result["cnn_epoch_seconds"] = cnn_epoch_seconds()
+        report(f"one epoch on {' x '.join(map(str, _CNN_SHAPE))}: {result['cnn_epoch_seconds']:.1f} s")
+    write_json_atomic(out / "result.json", result)
+    (out / "table.md").write_text(table(result), encoding="utf-8")
+    return result
+
+
+def machine() -> dict[str, Any]:
+    """What was measured on: processor, cores, versions."""
+    libraries = ("numpy", "numba", "scipy", "PyWavelets", "scikit-learn")
+    return {
+        "processor": platform.machine(),
+        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
+        "python": platform.python_version(),
+        "versions": {name: version(name) for name in libraries},
+    }
+
+
+def dip_event(seconds: float = 5.0, rate: float = 60.0) -> Playback:
+    """Voltage dip of 0.15 s with a swing of the angle, on the grid of a phasor measurement unit."""
+    time = np.arange(0, seconds, 1 / rate)
+    low = (time > 1.0) & (time < 1.15)
+    angle = np.where(time > 1.0, 0.25 * np.sin(5.0 * (time - 1.0)) * np.exp(-(time - 1.0) / 2), 0.0)
+    signals = {"V": np.where(low, 0.45, 1.0), "angle": angle}
+    return Playback(time, "benchmark", 1.0, signals, {"V": 1.0, "P": 0.7, "Q": 0.15})
+
+
+def simulations_per_second(device: str, threads: int) -> dict[str, float]:
+    """Playback of 5 s at the default step of 2.5 ms, by batch size."""
+    simulator = PlantSimulator(device, dip_event(), n_threads=threads)
+    theta = latin_hypercube(simulator.parameters, max(BATCHES), 0)
+    return {str(n): n / _seconds(lambda n=n: simulator.simulate(theta[:n])) for n in BATCHES}  # type: ignore[misc]
+
+
+def first_use_seconds(device: str) -> tuple[float, float]:
+    """Seconds of the first batch in a new process, with an empty cache and with the cache it left."""
+    code = (
+        "from time import perf_counter\n"
+        "start = perf_counter()\n"
+        "from errorscreen.bench import dip_event\n"
+        "from errorscreen.simulators import PlantSimulator\n"
+        f"simulator = PlantSimulator({device!r}, dip_event())\n"
+        "simulator.simulate([simulator.parameters.nominal] * 16)\n"
+        "print(perf_counter() - start)\n"
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        environment = {**os.environ, "ERRORSCREEN_CACHE_DIR": folder}
+        runs = [
+            subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+            for _ in range(2)
+        ]
+    return float(runs[0].stdout), float(runs[1].stdout)
+
+
+def cwt_speed(n_signals: int = 256, n_samples: int = 501) -> dict[str, float]:
+    """Wavelet energy of signals of 501 samples on 64 scales, against one call of `pywt.cwt` for each signal.
+
+    Each is given what suits it: `pywt.cwt` its FFT method in float32 and float64, of which the faster counts, and the
+    transformer its default settings with as many threads as there are cores.
+    """
+    import pywt
+
+    from errorscreen.features import CWTTransformer
+
+    signals = np.random.default_rng(0).standard_normal((n_signals, 1, n_samples))
+    transformer = CWTTransformer(sampling_period=0.01, energy="linear", n_jobs=-1).fit(signals)
+    ours = n_signals / _seconds(lambda: transformer.transform(signals))
+
+    def one_by_one(block: NDArray[Any], method: str) -> None:
+        for signal in block:
+            np.abs(pywt.cwt(signal, transformer.scales_, transformer.wavelet, method=method)[0]) ** 2
+
+    few = signals[:32, 0]
+    theirs = max(
+        len(few) / _seconds(lambda d=d, m=m: one_by_one(few.astype(d), m))  # type: ignore[misc]
+        for d in (np.float32, np.float64)
+        for m in ("fft", "conv")
+    )
+    return {"signals_per_second": ours, "pywt_signals_per_second": theirs, "ratio_to_pywt": ours / theirs}
+
+
+def cnn_epoch_seconds() -> float:
+    """Seconds of one epoch of the network with its default settings on 2500 two-channel images of 64 x 256."""
+    from errorscreen.regressors import CNNContributionRegressor
+
+    rng = np.random.default_rng(0)
+    images = rng.standard_normal(_CNN_SHAPE, dtype=np.float32)
+    labels = rng.uniform(0, 1, (len(images), 40))
+
+    def fit(epochs: int) -> float:
+        model = CNNContributionRegressor(max_epochs=epochs, patience=None, random_state=0)
+        start = perf_counter()
+        model.fit(images, labels)
+        return perf_counter() - start
+
+    try:
+        return fit(2) - fit(1)  # without set-up
+    except MissingExtraError:
+        return float("nan")
+
+
+def table(result: dict[str, Any]) -> str:
+    """Markdown table of a result of `speed`."""
+    lines = ["| device | threads | " + " | ".join(f"n = {n}" for n in BATCHES) + " | first use | from cache |"]
+    lines.append("|---|---|" + "---|" * (len(BATCHES) + 2))
+    for threads, cases in result["threads"].items():
+        for name, figures in cases.items():
+            cells = " | ".join(f"{figures[str(n)]:.0f}/s" for n in BATCHES)
+            first, cached = (result[k][name] for k in ("compile_seconds", "cached_import_seconds"))
+            lines.append(f"| {name} | {threads} | {cells} | {first:.1f} s | {cached:.1f} s |")
+    cwt = result["cwt"]
+    lines += [
+        "",
+        f"CWT: {cwt['signals_per_second']:.0f} signals/s, {cwt['ratio_to_pywt']:.1f} times `pywt.cwt` called per signal.",
+    ]
+    if "cnn_epoch_seconds" in result:
+        lines.append(f"One epoch of the network on 2500 × 2 × 64 × 256: {result['cnn_epoch_seconds']:.1f} s.")
+    return "\n".join(lines) + "\n"
+
+
+def _seconds(call: Callable[[], Any]) -> float:
+    """Seconds of one call: the best of three rounds of repetition, after one call to warm up."""
+    call()
+    start = perf_counter()
+    call()
+    repeat = max(1, int(_SHORTEST / 3 / max(perf_counter() - start, 1e-6)))
+    rounds = []
+    for _ in range(3):
+        start = perf_counter()
+        for _ in range(repeat):
+            call()
+        rounds.append((perf_counter() - start) / repeat)
+    return min(rounds)
