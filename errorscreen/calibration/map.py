@@ -76,10 +76,10 @@ class MAPCalibrator(BaseCalibrator):
     chi2_per_sample_ : float
         χ²/N; about 1 if noise explains what is left.
     converged_ : bool
-        Whether the best start met the tolerance.
+        Whether the best start met the tolerance, or ended at a kink less than one standard deviation from it.
     starts_ : list of dict
-        ``"objective"``, ``"chi2_per_sample"`` and ``"state"`` (``"converged"``, ``"stalled"``, ``"active"`` if
-        the iterations did not suffice) at the end of each start.
+        ``"objective"``, ``"chi2_per_sample"`` and ``"state"`` at the end of each start: ``"converged"``,
+        ``"kink"``, ``"stalled"``, or ``"active"`` if the iterations did not suffice.
     history_ : dict of str to ndarray of shape (iterations,)
         ``"chi2_per_sample"`` of the best start, ``"simulations"`` so far, ``"active"`` starts.
     covariance_ : ndarray of shape (k, k)
@@ -224,7 +224,7 @@ class MAPCalibrator(BaseCalibrator):
         self._store(problem, problem.space.nominal + best.u * problem.space.scales)
         self.chi2_ = float(np.sum(best.residuals**2))
         self.chi2_per_sample_ = self.chi2_ / problem.n_values
-        self.converged_ = best.state == "converged"
+        self.converged_ = best.state in ("converged", "kink")
         self.starts_ = [
             {"objective": t.cost, "chi2_per_sample": float(np.mean(t.residuals**2)), "state": t.state}
             for t in search.tracks

@@ -36,9 +36,12 @@ class Track:
         Of the residuals at `u`; None where the position is newer.
     damping : float
         The value that worked last.
+    promise : float
+        How much the undamped linear model would lower the objective from where the Jacobian was taken.
     state : str
-        ``"active"``; ``"converged"``; ``"stalled"`` if no step lowers the objective as the linear model
-        promises, for example at a kink.
+        ``"active"``; ``"converged"``; ``"kink"`` if no step lowers the objective although the linear model
+        promises it, but by less than one standard deviation, as happens where a limiter begins to act;
+        ``"stalled"`` if it promises more.
     """
 
     u: _Array
@@ -46,6 +49,7 @@ class Track:
     cost: float
     jacobian: _Array | None = None
     damping: float = _FIRST_DAMPING
+    promise: float = np.inf
     state: str = "active"
 
 
@@ -108,7 +112,8 @@ class BoundedSearch:
         active = self._active()
         self.differentiate(active)
         for track in active:
-            if self._promise(track) < self._tolerance(track):
+            track.promise = self._promise(track)
+            if track.promise < self._tol * self._unit(track):
                 track.state = "converged"
         active = self._active()
         if active:
@@ -149,8 +154,9 @@ class BoundedSearch:
     def _costs(self, u: _Array, z: _Array) -> _Array:
         return (z**2).sum(axis=-1) + ((u / self._prior) ** 2).sum(axis=-1)
 
-    def _tolerance(self, track: Track) -> float:
-        return self._tol * max(1.0, float(np.mean(track.residuals**2)))
+    def _unit(self, track: Track) -> float:
+        """Decrease of the objective that is one standard deviation of one parameter."""
+        return max(1.0, float(np.mean(track.residuals**2)))
 
     def _promise(self, track: Track) -> float:
         """How much the undamped linear model would lower the objective."""
@@ -187,9 +193,8 @@ class BoundedSearch:
                 track.u, track.residuals, track.cost = trial[best], values[best].copy(), float(costs[best])
                 track.jacobian = None
                 track.damping = max(damping[best], _SMALLEST_DAMPING)
-                if gain < _NO_PROGRESS * self._tolerance(track):
-                    track.state = "stalled"
             elif track.damping < _LARGEST_DAMPING:
                 track.damping *= _DAMPINGS[-1] / _DAMPINGS[0] * 10  # the next seven lie above all of these
-            else:
-                track.state = "stalled"
+                continue
+            if gain < _NO_PROGRESS * self._tol * self._unit(track):
+                track.state = "kink" if track.promise < self._unit(track) else "stalled"

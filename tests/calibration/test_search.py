@@ -103,14 +103,13 @@ def test_all_starts_failing_leaves_no_track():
     assert search.tracks == []
 
 
-def test_a_kink_that_cannot_be_descended_is_called_stalled():
-    def kink(u):
-        return (
-            3.0 + 1e3 * np.abs(u) + 10 * u
-        )  # the slope next to the kink promises a descent that is not there
+@pytest.mark.parametrize(("height", "state"), [(0.5, "kink"), (100.0, "stalled")])
+def test_a_kink_is_told_from_a_stall_by_what_the_slope_promises(height, state):
+    def kink(u):  # next to the kink the slope promises to lower height² to 0
+        return np.hstack([height + 1e3 * np.abs(u) + 10 * u, np.zeros((len(u), 10**4))])
 
-    search = run(kink, [-1], [1], [[0.3]])
-    assert search.best.state == "stalled"
+    search = run(kink, [-100], [100], [[0.3]])
+    assert search.best.state == state
     assert search.best.u[0] == pytest.approx(0.0, abs=1e-3)
 
 
