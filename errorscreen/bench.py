@@ -57,7 +57,10 @@ def speed(out: str | Path, report: Callable[[str], None] = print, *, cnn: bool =
         for threads in THREADS:
             figures = simulations_per_second(name, threads)
             result["threads"][str(threads)][name] = figures
-            report(f"{name}, {threads} thread(s): " + ", ".join(f"n = {n}: {v:.0f}/s" for n, v in figures.items()))
+            report(
+                f"{name}, {threads} thread(s): "
+                + ", ".join(f"n = {n}: {v:.0f}/s" for n, v in figures.items())
+            )
     result["simulations_per_second"] = result["threads"][str(THREADS[-1])]
     result |= {"compile_seconds": {}, "cached_import_seconds": {}}
     for name in DEVICES:
@@ -65,7 +68,9 @@ def speed(out: str | Path, report: Callable[[str], None] = print, *, cnn: bool =
         result["compile_seconds"][name], result["cached_import_seconds"][name] = compiled, cached
         report(f"{name}: first use {compiled:.1f} s, from the cache {cached:.1f} s (a new process each)")
     result["cwt"] = cwt_speed()
-    report("CWT: {signals_per_second:.0f} signals/s, {ratio_to_pywt:.1f} times pywt.cwt".format(**result["cwt"]))
+    report(
+        "CWT: {signals_per_second:.0f} signals/s, {ratio_to_pywt:.1f} times pywt.cwt".format(**result["cwt"])
+    )
     if cnn:
         result["cnn_epoch_seconds"] = cnn_epoch_seconds()
         report(f"one epoch on {' x '.join(map(str, _CNN_SHAPE))}: {result['cnn_epoch_seconds']:.1f} s")
@@ -115,7 +120,9 @@ def first_use_seconds(device: str) -> tuple[float, float]:
     with tempfile.TemporaryDirectory() as folder:
         environment = {**os.environ, "ERRORSCREEN_CACHE_DIR": folder}
         runs = [
-            subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+            subprocess.run(
+                [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
+            )
             for _ in range(2)
         ]
     return float(runs[0].stdout), float(runs[1].stdout)
@@ -170,7 +177,9 @@ def cnn_epoch_seconds() -> float:
 
 def table(result: dict[str, Any]) -> str:
     """Markdown table of a result of `speed`."""
-    lines = ["| device | threads | " + " | ".join(f"n = {n}" for n in BATCHES) + " | first use | from cache |"]
+    lines = [
+        "| device | threads | " + " | ".join(f"n = {n}" for n in BATCHES) + " | first use | from cache |"
+    ]
     lines.append("|---|---|" + "---|" * (len(BATCHES) + 2))
     for threads, cases in result["threads"].items():
         for name, figures in cases.items():
@@ -180,7 +189,7 @@ def table(result: dict[str, Any]) -> str:
     cwt = result["cwt"]
     lines += [
         "",
-        f"CWT: {cwt['signals_per_second']:.0f} signals/s, {cwt['ratio_to_pywt']:.1f} times `pywt.cwt` called per signal.",
+        f"CWT: {cwt['signals_per_second']:.0f} signals/s, {cwt['ratio_to_pywt']:.1f} times `pywt.cwt` for each signal.",
     ]
     if "cnn_epoch_seconds" in result:
         lines.append(f"One epoch of the network on 2500 × 2 × 64 × 256: {result['cnn_epoch_seconds']:.1f} s.")

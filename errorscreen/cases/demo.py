@@ -87,7 +87,8 @@ def _record(dip: Dip, theta: NDArray[np.float64], rng: np.random.Generator) -> R
     P, Q = truth.simulate(theta).require_ok("the truth of the demo").values[0]
     values = {"V": event.signals["V"], "angle": event.signals["angle"], "P": P, "Q": Q}
     noisy = {
-        name: signal[::fine] + NOISE[name] * rng.standard_normal(len(time[::fine])) for name, signal in values.items()
+        name: signal[::fine] + NOISE[name] * rng.standard_normal(len(time[::fine]))
+        for name, signal in values.items()
     }
     return Recording.from_arrays(
         time[::fine], noisy, base_mva=100.0, f_nominal=60.0, name=dip.name, event_time=start
