@@ -9,7 +9,8 @@ from sklearn.utils import estimator_checks
 from errorscreen.calibration import MAPCalibrator, PSOCalibrator
 from errorscreen.exceptions import InputError
 from errorscreen.screening import RandomScreener, SensitivityScreener
-from tests.toys import oscillator
+from errorscreen.testing import check_calibrator, check_screener, check_simulator
+from tests.toys import linear, oscillator, product_oscillator, tone
 
 SIMULATOR = oscillator()
 RECORDING = SIMULATOR.record({"omega": 7.0, "gain": 1.2}, 0.02, seed=0)
@@ -129,3 +130,17 @@ class TestCalibrators:
         found = SIMULATOR.simulate(interrupted.theta_).values[0]
         before = SIMULATOR.baseline()
         assert np.sum((found - recording.values) ** 2) <= np.sum((before - recording.values) ** 2)
+
+
+TOYS = [SIMULATOR, oscillator(fail_above=8.0), product_oscillator(), tone(), linear(np.eye(4))]
+
+
+@pytest.mark.parametrize("toy", TOYS, ids=["oscillator", "failing", "product", "tone", "linear"])
+def test_the_public_contract_checks_hold(toy):
+    check_simulator(toy)
+    first = toy.parameters[0]
+    recording = toy.record({first.name: 1.15 * first.nominal}, 0.02, seed=0)
+    for calibrator in CALIBRATORS:
+        check_calibrator(calibrator.__class__(toy, random_state=0), recording)
+    for screener in (SensitivityScreener(toy), RandomScreener(toy, random_state=0)):
+        check_screener(screener, recording)
