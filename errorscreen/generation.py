@@ -188,16 +188,14 @@ def generate_dataset(
     if checkpoint is not None:
         if random_state is None:
             raise InputError("random_state is None, so the samples differ in each call", where="checkpoint")
-        store = Checkpoint(
-            checkpoint,
-            {
-                "simulator": digest(type(simulator).__qualname__, simulator.channels, baseline),
-                "parameters": digest(list(simulator.parameters)),
-                "event": digest(event),
-                "samples": digest(theta, rows),
-                "options": digest(options),
-            },
-        )
+        fingerprint = {
+            "simulator": digest(type(simulator).__qualname__, simulator.channels, baseline),
+            "parameters": digest(list(simulator.parameters)),
+            "event": digest(event),
+            "samples": digest(theta, rows),
+            "options": digest(options),
+        }
+        store = Checkpoint(checkpoint, fingerprint)
     done = _run(simulator, batches, event, options, n_jobs, progress, store)
     data = ErrorDataset(
         theta=theta,
