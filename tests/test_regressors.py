@@ -24,7 +24,7 @@ TINY = {"n_filters": (4, 4, 4), "n_hidden": 8, "max_epochs": 3}
     [
         CNNContributionRegressor(random_state=0),
         CNNContributionRegressor(
-            (4, 8, 8), 16, max_epochs=40, patience=None, lr=1e-2, target_scale="output", random_state=0
+            (4, 8, 8), 16, max_epochs=40, patience=None, lr=1e-2, target_power=1.0, random_state=0
         ),
     ]
 )
@@ -43,11 +43,11 @@ def blobs(seed, n=300):
     return images, np.abs(amplitudes) * [1.0, 10.0, 3.0]
 
 
-@pytest.mark.parametrize("target_scale", ["common", "output"])
-def test_learns_what_a_linear_model_cannot(target_scale):
+@pytest.mark.parametrize("target_power", [0, 0.5, 1])
+def test_learns_what_a_linear_model_cannot(target_power):
     images, labels = blobs(1)
     test_images, test_labels = blobs(2)
-    model = CNNContributionRegressor((8, 16, 16), 32, lr=3e-3, target_scale=target_scale, random_state=0)
+    model = CNNContributionRegressor((8, 16, 16), 32, lr=3e-3, target_power=target_power, random_state=0)
     score = r2_score(test_labels, model.fit(images, labels).predict(test_images))
     ridge = Ridge(1.0).fit(images.reshape(len(images), -1), labels)
     linear = r2_score(test_labels, ridge.predict(test_images.reshape(len(images), -1)))
@@ -117,12 +117,12 @@ def test_the_unit_of_the_labels_scales_the_prediction(factor):
     np.testing.assert_allclose(model.fit(images, factor * labels).predict(images), expected, rtol=1e-3)
 
 
-@pytest.mark.parametrize("target_scale", ["common", "output"])
+@pytest.mark.parametrize("target_power", [0, 0.5, 1])
 @pytest.mark.parametrize("output", ["softplus", "linear"])
-def test_an_output_that_never_changes_is_no_trouble(target_scale, output):
+def test_an_output_that_never_changes_is_no_trouble(target_power, output):
     images, labels = blobs(7, n=60)
     labels[:, 1] = 0
-    model = CNNContributionRegressor((4, 4, 4), 8, output=output, target_scale=target_scale, random_state=0)
+    model = CNNContributionRegressor((4, 4, 4), 8, output=output, target_power=target_power, random_state=0)
     predicted = model.fit(images, labels).predict(images)
     assert np.abs(predicted[:, 1]).mean() < 0.5 * labels.mean()
 
@@ -229,7 +229,7 @@ def test_a_training_that_diverges_is_an_input_error():
         ({"weight_decay": np.inf}, "weight_decay is inf"),
         ({"dropout": 1.0}, "dropout is 1.0"),
         ({"validation_fraction": 1}, "validation_fraction is 1"),
-        ({"target_scale": "log"}, "target_scale='log'. Allowed: 'common', 'output'"),
+        ({"target_power": 2}, "target_power is 2. Allowed: a number >= 0 and <= 1"),
         ({"output": "relu"}, "output='relu'"),
         ({"verbose": "loud"}, "verbose='loud'"),
         ({"device": "abacus"}, "device 'abacus' cannot be used here"),

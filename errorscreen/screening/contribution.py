@@ -1,0 +1,202 @@
+"""Screening by what the response error looks like: the paper's method."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from sklearn.base import BaseEstimator, RegressorMixin, clone
+from sklearn.pipeline import Pipeline, make_pipeline
+from sklearn.utils import check_random_state
+from sklearn.utils.validation import check_is_fitted
+
+from errorscreen.exceptions import InputError, check_integer
+from errorscreen.features import ChannelScaler, CWTTransformer
+from errorscreen.features.checks import check_stack
+from errorscreen.metrics import ranking
+from errorscreen.regressors import CNNContributionRegressor
+
+
+def contribution_pipeline(sampling_period: float = 1.0, random_state: Any = None) -> Pipeline:
+    """Wavelet images, frozen scaling, network: what `ContributionScreener` uses where nothing is given.
+
+    The images hold the energy of the paper and the signed coefficients, which rank better: a parameter that is
+    too large and one that is too small have the same energy but differ in how they mix with others.
+
+    Parameters
+    ----------
+    sampling_period : float, default 1.0
+        Time between samples of the errors in seconds.
+    random_state : int, RandomState instance or None, default None
+        Of the network.
+
+    Examples
+    --------
+    >>> list(contribution_pipeline(0.01).named_steps)
+    ['cwttransformer', 'channelscaler', 'cnncontributionregressor']
+    """
+    return make_pipeline(
+        CWTTransformer(sampling_period=sampling_period, signed=True),
+        ChannelScaler(),
+        CNNContributionRegressor(random_state=random_state),
+    )
+
+
+class ContributionScreener(RegressorMixin, BaseEstimator):
+    r"""Rank parameters by their predicted contribution to a response error, equation (22).
+
+    :math:`\hat c = f(T(e))`: learned from simulated errors with known contributions, applied to the error of a
+    measurement, :math:`e = y_{meas} - y_{sim}`.
+
+    Parameters
+    ----------
+    estimator : regressor, optional
+        From errors (n, R, L) to contributions (n, m); `contribution_pipeline` where not given.
+    parameter_names : sequence of m str, optional
+        For `rank_names`; ``parameter_0`` and so on where not given.
+    noise : float or array-like of shape (R,), optional
+        Standard deviation of the measurement noise of each channel, in the channel's unit. Training errors get
+        white noise of this size, since simulated ones have none and measured ones do.
+    n_copies : int, default 1
+        With `noise`: how often each training error is used, with other noise each time.
+    random_state : int, RandomState instance or None, default None
+        Of the noise, and of the default estimator. One child of the seed for each sample, so that the noise of
+        a sample does not depend on how many there are.
+
+    Attributes
+    ----------
+    estimator_ : regressor
+        The fitted estimator.
+    names_ : tuple of m str
+        Parameters in the order of the columns.
+    n_outputs_ : int
+        Number of parameters m.
+    shape_in_ : tuple
+        Shape of one sample in fit.
+    n_features_in_ : int
+        Length of the axis after the samples.
+
+    Raises
+    ------
+    InputError
+        If names or noise do not fit the data.
+
+    Examples
+    --------
+    >>> from sklearn.linear_model import Ridge
+    >>> rng = np.random.default_rng(0)
+    >>> errors = rng.normal(size=(50, 1, 8))
+    >>> contributions = errors[:, 0, :2] * [1.0, 3.0]
+    >>> screener = ContributionScreener(make_pipeline(CWTTransformer(output="flat"), Ridge()), ["Xd", "H"])
+    >>> screener.fit(errors, contributions).rank_names(errors[:1])
+    [('Xd', 'H')]
+    """
+
+    def __init__(
+        self,
+        estimator: Any = None,
+        parameter_names: Sequence[str] | None = None,
+        *,
+        noise: ArrayLike | None = None,
+        n_copies: int = 1,
+        random_state: Any = None,
+    ) -> None:
+        self.estimator = estimator
+        self.parameter_names = parameter_names
+        self.noise = noise
+        self.n_copies = n_copies
+        self.random_state = random_state
+
+    def fit(self, X: ArrayLike, y: ArrayLike) -> ContributionScreener:
+        """Learn contributions from errors.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, R, L), or (n, L) for one channel
+            Response errors.
+        y : array-like of shape (n, m)
+            Contributions, equations (14) and (15).
+        """
+        X, y = check_stack(self, X, y=y, reset=True, multi_output=True, y_numeric=True)
+        y = np.asarray(y)
+        self.n_outputs_ = 1 if y.ndim == 1 else y.shape[1]
+        self.names_ = self._check_names()
+        random_state = check_random_state(self.random_state)
+        if self.noise is not None:
+            X, y = self._add_noise(np.asarray(X), y, random_state.randint(np.iinfo(np.int32).max))
+        default = contribution_pipeline(random_state=random_state.randint(np.iinfo(np.int32).max))
+        self.estimator_ = clone(default if self.estimator is None else self.estimator).fit(X, y)
+        return self
+
+    def predict(self, X: ArrayLike) -> NDArray[np.float64]:
+        """Predict the contribution of each parameter to each error.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, R, L), or (n, L) for one channel
+
+        Returns
+        -------
+        ndarray of shape (n, m), or (n,) where fit was given a 1-D `y`
+        """
+        check_is_fitted(self)
+        return np.asarray(self.estimator_.predict(check_stack(self, X, reset=False)), dtype=float)
+
+    def rank(self, X: ArrayLike) -> NDArray[np.int64]:
+        """Rank the parameters, from the largest contribution down; equal ones keep their order.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, R, L), or (n, L) for one channel
+
+        Returns
+        -------
+        ndarray of shape (n, m)
+        """
+        contributions = self.predict(X)
+        return ranking(contributions.reshape(len(contributions), -1))
+
+    def rank_names(self, X: ArrayLike) -> list[tuple[str, ...]]:
+        """Names of the parameters from the largest contribution down, for each error.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, R, L), or (n, L) for one channel
+        """
+        return [tuple(self.names_[j] for j in row) for row in self.rank(X)]
+
+    def _check_names(self) -> tuple[str, ...]:
+        if self.parameter_names is None:
+            return tuple(f"parameter_{j}" for j in range(self.n_outputs_))
+        names = tuple(self.parameter_names)
+        if len(names) != self.n_outputs_ or len(set(names)) != len(names):
+            raise InputError(
+                f"parameter_names are {names!r}",
+                where=type(self).__name__,
+                allowed=f"{self.n_outputs_} different names, one for each column of y",
+            )
+        return names
+
+    def _add_noise(self, X: NDArray[Any], y: NDArray[Any], seed: int) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Repeat each sample with white noise, from one random stream for each sample."""
+        copies = check_integer(self.n_copies, "n_copies")
+        n_channels = X.shape[1] if X.ndim == 3 else 1
+        noise = np.asarray(self.noise, dtype=float)
+        if noise.shape not in ((), (n_channels,)) or not np.all(np.isfinite(noise) & (noise >= 0)):
+            raise InputError(
+                f"noise is {self.noise!r}",
+                where=type(self).__name__,
+                allowed=f"a finite number >= 0 for each of {n_channels} channels",
+            )
+        scale = np.broadcast_to(noise, n_channels)[:, None] if X.ndim == 3 else noise
+        streams = np.random.SeedSequence(seed).spawn(len(X))
+        white = [np.random.default_rng(s).standard_normal((copies, *X.shape[1:])) for s in streams]
+        return np.repeat(X, copies, axis=0) + np.concatenate(white) * scale, np.repeat(y, copies, axis=0)
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.input_tags.three_d_array = True
+        tags.target_tags.multi_output = True
+        return tags
