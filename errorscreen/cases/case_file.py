@@ -1,0 +1,261 @@
+"""Case files: a recording, a model and what to do with them, in TOML."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from pathlib import Path
+from typing import Any, get_args, get_origin
+
+from pydantic import BaseModel, Field, PrivateAttr, ValidationError
+
+from errorscreen.cases.case_models import (
+    CalibrationSection,
+    DeviceSection,
+    RecordingSection,
+    RunSection,
+    ScreeningSection,
+    Section,
+    SimulationSection,
+)
+from errorscreen.exceptions import InputError, check_integer, unknown_name
+from errorscreen.parameters import ParameterSpace
+from errorscreen.recordings import Recording
+
+#: Keys of [recording] that a further recording does not take over.
+_OWN = ("path", "name", "event_time", "t_start", "t_end")
+#: What pydantic's kinds of error allow, in words.
+_ALLOWED = {
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "string_type": "text in quotes",
+    "bool_type": "true or false",
+    "list_type": "a list",
+    "dict_type": "a table",
+    "model_type": "a table",
+    "finite_number": "a finite number",
+    "greater_than": "a number > {gt:g}",
+    "greater_than_equal": "a number >= {ge:g}",
+    "less_than": "a number < {lt:g}",
+    "less_than_equal": "a number <= {le:g}",
+    "too_short": "at least {min_length} entry",
+}
+
+
+class Case(Section):
+    """A case: `load_case` reads it.
+
+    Examples
+    --------
+    >>> case = Case.model_validate({
+    ...     "recording": {"path": "r.csv", "base_mva": 737.0, "f_nominal": 60.0, "columns": {"P": {"column": "P"}}},
+    ...     "device": {"type": "synchronous_machine", "parameters": {"Xd": {"nominal": 0.95, "relative": 0.4}}},
+    ... })
+    >>> case.parameters()["Xd"].upper, case.simulation.step
+    (1.33, 0.0025)
+    """
+
+    title: str = Field(default="", description="for the report")
+    recording: RecordingSection
+    held_out: list[RecordingSection] = Field(
+        default=[], description="further recordings to judge on; keys not given are those of [recording]"
+    )
+    device: DeviceSection
+    simulation: SimulationSection = SimulationSection()
+    screening: ScreeningSection = ScreeningSection()
+    calibration: CalibrationSection = CalibrationSection()
+    run: RunSection = RunSection()
+    _folder: Path = PrivateAttr(default_factory=Path)
+
+    @property
+    def folder(self) -> Path:
+        """Folder of the case file, which its paths are relative to."""
+        return self._folder
+
+    def parameters(self) -> ParameterSpace:
+        """Candidate parameters of the device with this case's values and bounds.
+
+        Raises
+        ------
+        InputError
+            If the device, a parameter or a constant is unknown, a range excludes its nominal value, or more
+            parameters are to be selected than there are.
+        """
+        from errorscreen.power import DEVICES
+
+        if self.device.type not in DEVICES:
+            raise unknown_name(self.device.type, DEVICES, kind="device", where="device.type")
+        device = DEVICES[self.device.type]
+        device.constant_values(self.device.constants)
+        space = self.device.apply(device.candidates)
+        if self.screening.top_k is not None:
+            check_integer(self.screening.top_k, "screening.top_k", high=len(space))
+        return space
+
+    def load_recording(self) -> Recording:
+        """Read the recording; for errors see `errorscreen.io.read_csv`."""
+        return self.recording.load(self.folder, self.simulation.dt)
+
+    def load_held_out(self) -> tuple[Recording, ...]:
+        """Read the further recordings."""
+        return tuple(section.load(self.folder, self.simulation.dt) for section in self.held_out)
+
+
+def load_case(path: str | os.PathLike[str]) -> Case:
+    """Read and check a case file; the recordings themselves are read by `Case.load_recording`.
+
+    Parameters
+    ----------
+    path : path-like
+        TOML file; for its sections see `case_reference`.
+
+    Raises
+    ------
+    InputError
+        If something cannot be used; it says the file, the key, what was found and what is allowed.
+    """
+    path = Path(path)
+    source = f"case file {path}"
+    data = _parse(path, source)
+    _inherit(data)
+    try:
+        case = Case.model_validate(data)
+        case._folder = path.parent
+        case.parameters()
+    except ValidationError as error:
+        raise _explain(error, source) from None
+    except InputError as error:
+        raise _placed(error, source) from None
+    return case
+
+
+def case_reference() -> str:
+    """Table of all sections and keys in Markdown, for the documentation."""
+    lines = []
+    for title, model in _sections():
+        lines += [f"### `{title}`", "", f"{(model.__doc__ or '').strip().splitlines()[0]}", ""]
+        lines += ["| key | default | meaning |", "|---|---|---|"]
+        for key, field in model.model_fields.items():
+            if field.description and _nested(field.annotation) is None:
+                default = "required" if field.is_required() else f"`{_toml(field.default)}`"
+                lines.append(f"| `{key}` | {default} | {field.description} |")
+        lines.append("")
+    return "\n".join(lines)
+
+
+def _parse(path: Path, source: str) -> dict[str, Any]:
+    if path.is_dir() or not path.exists():
+        what = "is a folder" if path.is_dir() else "does not exist"
+        raise InputError(what, where=source, allowed="a TOML file")
+    try:
+        return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
+    except UnicodeDecodeError as error:
+        raise InputError(f"byte {error.start} is not UTF-8 text", where=source) from error
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(
+            f"is not TOML: {error}",
+            where=source,
+            remedy="Texts need quotes, numbers a decimal point, sections [brackets]",
+        ) from error
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror or error}", where=source) from error
+
+
+def _inherit(data: dict[str, Any]) -> None:
+    """Complete further recordings by the keys of the first one."""
+    first, others = data.get("recording"), data.get("held_out")
+    if isinstance(first, dict) and isinstance(others, list):
+        common = {key: value for key, value in first.items() if key not in _OWN}
+        data["held_out"] = [{**common, **o} if isinstance(o, dict) else o for o in others]
+
+
+def _placed(error: InputError, source: str) -> InputError:
+    where = f"{source}, {error.where}" if error.where else source
+    return InputError(error.what, where=where, allowed=error.allowed, remedy=error.remedy)
+
+
+def _explain(error: ValidationError, source: str) -> InputError:
+    """One of pydantic's errors in the words of this package, with the number of the others.
+
+    Unknown keys come first: a misspelt key is also missing. What further recordings take over is counted once.
+    """
+    own = [e for e in error.errors() if e["loc"][0] == "recording"]
+    tails = [e["loc"][1:] for e in own]
+    errors = [e for e in error.errors() if e["loc"][0] != "held_out" or e["loc"][2:] not in tails]
+    first = min(errors, key=lambda e: e["type"] != "extra_forbidden")
+    location, kind, found = first["loc"], first["type"], first["input"]
+    remedy = f"{len(errors) - 1} further keys are wrong" if len(errors) > 1 else None
+    where = f"{source}, {_key(location)}" if location else source
+    if kind == "missing":
+        above = f"{source}, [{_key(location[:-1])}]" if location[:-1] else source
+        return InputError(f"{_noun(location)} {location[-1]!r} is missing", where=above, remedy=remedy)
+    if kind == "extra_forbidden":
+        return _unknown_key(location, source, remedy)
+    context = first.get("ctx", {})
+    cause = context.get("error")
+    if isinstance(cause, InputError):
+        return InputError(cause.what, where=where, allowed=cause.allowed, remedy=cause.remedy or remedy)
+    if kind == "literal_error":
+        allowed = context["expected"].replace(" or ", ", ").replace("'", "")
+        return unknown_name(str(found), allowed.split(", "), kind="value", where=where, remedy=remedy)
+    allowed = _ALLOWED.get(kind, first["msg"]).format(**context)
+    return InputError(f"{found!r} was found", where=where, allowed=allowed, remedy=remedy)
+
+
+def _unknown_key(location: tuple[int | str, ...], source: str, remedy: str | None) -> InputError:
+    model = _model_at(location[:-1])
+    key = str(location[-1])
+    homes = [title for title, other in _sections() if key in other.model_fields and other is not model]
+    if homes:
+        remedy = f"{key!r} belongs to {' or '.join(homes)}"
+    where = f"{source}, [{_key(location[:-1])}]" if location[:-1] else source
+    return unknown_name(key, model.model_fields, kind=_noun(location), where=where, remedy=remedy)
+
+
+def _noun(location: tuple[int | str, ...]) -> str:
+    return "section or key" if len(location) == 1 else "key"
+
+
+def _key(location: tuple[int | str, ...]) -> str:
+    """Dotted key; further recordings count from 1."""
+    parts = [f"[{part + 1}]" if isinstance(part, int) else f".{part}" for part in location]
+    return "".join(parts).removeprefix(".")
+
+
+def _model_at(location: tuple[int | str, ...]) -> type[BaseModel]:
+    """Model of the section at a location; keys of a table of sections and numbers of a list are passed over."""
+    model: type[BaseModel] = Case
+    for part in location:
+        if isinstance(part, str) and part in model.model_fields:
+            model = _nested(model.model_fields[part].annotation) or model
+    return model
+
+
+def _nested(annotation: Any) -> type[BaseModel] | None:
+    """Section that an annotation holds: itself, in a list, or as the values of a table."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    if get_origin(annotation) in (list, dict):
+        return _nested(get_args(annotation)[-1])
+    return None
+
+
+def _sections(model: type[BaseModel] = Case, title: str = "") -> list[tuple[str, type[BaseModel]]]:
+    """All sections with their TOML headings, without further recordings, whose keys are those of the first."""
+    found = []
+    for key, field in model.model_fields.items():
+        inner = _nested(field.annotation)
+        if inner is not None and key != "held_out":
+            heading = f"{title}{key}" + (".NAME" if get_origin(field.annotation) is dict else "")
+            found += [(f"[{heading}]", inner), *_sections(inner, f"{heading}.")]
+    return found
+
+
+def _toml(value: Any) -> str:
+    if value is None:
+        return "none"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_toml, value)) + "]"
+    return f'"{value}"' if isinstance(value, str) else f"{value}"

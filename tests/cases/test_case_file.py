@@ -1,0 +1,332 @@
+import re
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from errorscreen.cases.case_file import Case, case_reference, load_case
+from errorscreen.cases.case_models import ColumnSection, ParameterSection
+from errorscreen.exceptions import InputError
+from errorscreen.io import Column
+from errorscreen.parameters import Parameter
+
+GOOD = """
+title = "line trip"
+
+[recording]
+path = "data/rec.csv"
+base_mva = 50
+base_kv = 20.0
+f_nominal = 50.0
+t_end = 2.5
+
+[recording.columns.V]
+column = "U"
+unit = "kV"
+
+[recording.columns.P]
+column = "P"
+unit = "MW"
+sign = "load"
+
+[[held_out]]
+path = "data/other.csv"
+
+[device]
+type = "synchronous_machine"
+relative = 0.5
+
+[device.constants]
+Ra = 0.0015
+
+[device.parameters]
+Xd = { nominal = 0.95, relative = 0.4 }
+D = { nominal = 1.0, lower = 0.0, upper = 2.0 }
+
+[screening]
+methods = ["sensitivity", "random"]
+top_k = 3
+"""
+
+
+def write(folder, text=GOOD):
+    path = folder / "case.toml"
+    path.write_text(text)
+    return path
+
+
+def write_recording(folder, name="rec.csv"):
+    time = np.arange(0, 3, 0.05)
+    power = np.where(time < 1, -40.0, -30.0) + 0.01 * np.sin(50 * time)
+    (folder / "data").mkdir(exist_ok=True)
+    rows = [f"{t:.2f},{20 - (t >= 1):.3f},{p:.4f}" for t, p in zip(time, power, strict=True)]
+    (folder / "data" / name).write_text("\n".join(["time,U,P", *rows]))
+
+
+def test_a_case_is_read_with_its_defaults(tmp_path):
+    case = load_case(write(tmp_path))
+    assert (case.title, case.folder) == ("line trip", tmp_path)
+    assert case.device.constants == {"Ra": 0.0015}
+    assert (case.screening.methods, case.screening.top_k) == (["sensitivity", "random"], 3)
+    assert (case.calibration.methods, case.simulation.step, case.run.random_state) == (
+        ["map", "pso"],
+        0.0025,
+        0,
+    )
+
+
+def test_parameters_follow_their_sections(tmp_path):
+    space = load_case(write(tmp_path)).parameters()
+    assert (space["Xd"].nominal, space["Xd"].lower, space["Xd"].upper) == pytest.approx((0.95, 0.57, 1.33))
+    assert (space["D"].lower, space["D"].upper) == (0.0, 2.0)
+    assert space["Tj"].upper == pytest.approx(1.5 * space["Tj"].nominal)
+    text = GOOD.replace("relative = 0.5", 'candidates = ["Tj", "Xd"]').replace("top_k = 3", "top_k = 2")
+    assert load_case(write(tmp_path, text)).parameters().names == ("Tj", "Xd")
+
+
+def test_default_bounds_keep_their_ratio_to_a_new_nominal_value():
+    default = Parameter("Xd", 2.0, 1.0, 3.0)
+    assert ParameterSection(nominal=1.0).apply(default) == {"nominal": 1.0, "lower": 0.5, "upper": 1.5}
+    assert ParameterSection(lower=0.1).apply(default) == {"nominal": 2.0, "lower": 0.1, "upper": 3.0}
+    assert ParameterSection(nominal=-1.0, relative=0.5).apply(default) == {
+        "nominal": -1.0,
+        "lower": -1.5,
+        "upper": -0.5,
+    }
+
+
+def test_recordings_are_read_relative_to_the_case(tmp_path):
+    write_recording(tmp_path)
+    write_recording(tmp_path, "other.csv")
+    case = load_case(write(tmp_path))
+    rec = case.load_recording()
+    assert rec.initial("VP") == pytest.approx({"V": 1.0, "P": 0.8}, abs=1e-3)
+    assert rec.time[-1] == 2.5
+    (other,) = case.load_held_out()
+    assert (other.name, other.time[-1]) == ("other", pytest.approx(2.95))
+
+
+def test_a_shift_is_applied_before_resampling(tmp_path):
+    write_recording(tmp_path)
+    text = GOOD.replace("t_end = 2.5", "shift = { V = -0.017 }\n[simulation]\ndt = 0.01\n", 1)
+    text = text.replace("[simulation]\ndt = 0.01\n", "") + "\n[simulation]\ndt = 0.01\n"
+    rec = load_case(write(tmp_path, text)).load_recording()
+    assert np.diff(rec.time) == pytest.approx(0.01)
+    assert "The time stamps of V were shifted by -0.017 s." in rec.assumptions
+
+
+def test_column_sections_are_columns():
+    assert list(ColumnSection.model_fields) == [f.name for f in fields(Column)]
+    assert Column(**dict(ColumnSection(column="c"))) == Column("c")
+
+
+def test_the_reference_names_every_key():
+    text = case_reference()
+    for heading in ("[recording]", "[recording.columns.NAME]", "[device.parameters.NAME]", "[run]"):
+        assert f"### `{heading}`" in text
+    for section in Case.model_fields.values():
+        for key, field in getattr(section.annotation, "model_fields", {}).items():
+            assert field.description, key
+            assert f"`{key}`" in text or f".{key}.NAME" in text
+
+
+def replaced(old, new):
+    assert old in GOOD
+    return GOOD.replace(old, new)
+
+
+BAD = {
+    "no TOML": (
+        replaced('title = "line trip"', "title = line trip"),
+        "is not TOML: Invalid value (at line 2",
+    ),
+    "no recording": ('[device]\ntype = "pv_plant"\n', "section or key 'recording' is missing."),
+    "no path": (replaced('path = "data/rec.csv"', ""), "[recording]: key 'path' is missing."),
+    "unknown key": (
+        replaced("base_mva", "base_mwa"),
+        "[recording]: unknown key 'base_mwa' (did you mean 'base_mva', 'base_kv'?). Allowed: path, name, base_mva, "
+        "base_kv,",
+    ),
+    "unknown section": (
+        GOOD + "[calibrate]\n",
+        "unknown section or key 'calibrate' (did you mean 'calibration'?)",
+    ),
+    "key at the wrong place": (
+        replaced('title = "line trip"', "random_state = 3"),
+        "unknown section or key 'random_state'. Allowed: title, recording, held_out, device, simulation, "
+        "screening, calibration, run. 'random_state' belongs to [run].",
+    ),
+    "unknown key of a column": (
+        replaced('unit = "kV"', 'units = "kV"'),
+        "[recording.columns.V]: unknown key 'units' (did you mean 'unit'?). Allowed: column, unit, base, sign",
+    ),
+    "unknown key of a parameter": (
+        replaced("relative = 0.4 }", "relativ = 0.4 }"),
+        "[device.parameters.Xd]: unknown key 'relativ' (did you mean 'relative'?). Allowed: nominal, relative",
+    ),
+    "number in quotes": (
+        replaced("base_mva = 50", 'base_mva = "50"'),
+        "recording.base_mva: '50' was found. Allowed: a number.",
+    ),
+    "text without use": (
+        replaced('column = "P"', "column = 3"),
+        "recording.columns.P.column: 3 was found. Allowed: text in quotes.",
+    ),
+    "fraction for a count": (
+        replaced("top_k = 3", "top_k = 3.5"),
+        "screening.top_k: 3.5 was found. Allowed: a whole number.",
+    ),
+    "negative base": (
+        replaced("base_mva = 50", "base_mva = -50"),
+        "recording.base_mva: -50 was found. Allowed: a number > 0.",
+    ),
+    "no finite number": (
+        replaced("f_nominal = 50.0", "f_nominal = nan"),
+        "recording.f_nominal: nan was found. Allowed: a finite number.",
+    ),
+    "part above one": (
+        replaced("t_end = 2.5", "max_missing = 40"),
+        "recording.max_missing: 40 was found. Allowed: a number <= 1.",
+    ),
+    "value for a list": (
+        replaced('methods = ["sensitivity", "random"]', 'methods = "cnn"'),
+        "screening.methods: 'cnn' was found. Allowed: a list.",
+    ),
+    "unknown method": (
+        replaced('["sensitivity", "random"]', '["sensitivty"]'),
+        "screening.methods[1]: unknown value 'sensitivty' (did you mean 'sensitivity'?). Allowed: cnn, sensitivity, "
+        "random.",
+    ),
+    "no method": (
+        replaced('["sensitivity", "random"]', "[]"),
+        "screening.methods: [] was found. Allowed: at least 1 entry.",
+    ),
+    "method twice": (
+        replaced('["sensitivity", "random"]', '["random", "random"]'),
+        "screening: the methods ['random', 'random'] hold one twice. Allowed: each method once.",
+    ),
+    "unknown sign": (
+        replaced('sign = "load"', 'sign = "consumer"'),
+        "recording.columns.P.sign: unknown value 'consumer'. Allowed: generator, load.",
+    ),
+    "table for a value": (
+        replaced("base_kv = 20.0", "base_kv = { V = 20.0 }"),
+        "recording.base_kv: {'V': 20.0} was found. Allowed: a number.",
+    ),
+    "value for a table": (
+        replaced("Xd = { nominal = 0.95, relative = 0.4 }", "Xd = 0.95"),
+        "device.parameters.Xd: 0.95 was found. Allowed: a table.",
+    ),
+    "two rules of selection": (
+        replaced("top_k = 3", "top_k = 3\nthreshold = 0.2"),
+        "screening: top_k and threshold are both given. Allowed: one of them.",
+    ),
+    "two kinds of bounds": (
+        replaced("relative = 0.4 }", "relative = 0.4, upper = 2.0 }"),
+        "device.parameters.Xd: relative and absolute bounds are both given. Allowed: one kind of bounds.",
+    ),
+    "more parameters than there are": (
+        replaced("top_k = 3", "top_k = 9"),
+        "screening.top_k is 9. Allowed: an integer from 1 to 8.",
+    ),
+    "unknown device": (
+        replaced("synchronous_machine", "synchronous_generator"),
+        "device.type: unknown device 'synchronous_generator' (did you mean 'synchronous_machine'?). Allowed:",
+    ),
+    "unknown parameter": (
+        replaced("Xd = {", "Xd2 = {"),
+        "unknown parameter 'Xd2' (did you mean 'Xd', 'Xd1'?). Allowed: Xd, Xd1, Xq, Xq1, Td10, Tq10, Tj, D.",
+    ),
+    "unknown candidate": (
+        replaced("relative = 0.5", 'candidates = ["H"]'),
+        "unknown parameter 'H'. Allowed: Xd, Xd1,",
+    ),
+    "unknown constant": (replaced("Ra = 0.0015", "R = 0.0015"), "unknown constant 'R' (did you mean 'Ra'?)"),
+    "bounds that exclude nominal": (
+        replaced("lower = 0.0, upper = 2.0", "lower = 1.5, upper = 2.0"),
+        "parameter 'D': the range [1.5, 2] excludes the nominal value 1. Allowed: lower <= nominal <= upper.",
+    ),
+    "empty range": (
+        replaced("lower = 0.0, upper = 2.0", "lower = 2.0, upper = 1.5"),
+        "parameter 'D': the range [2, 1.5] is empty. Allowed: lower < upper.",
+    ),
+    "zero nominal": (
+        replaced("nominal = 1.0, lower = 0.0", "nominal = 0.0, lower = 0.0"),
+        "parameter 'D': the nominal value is 0 and the scale is 0, so a relative deviation is undefined. "
+        "Allowed: a nominal value other than 0, or a positive scale. Give scale=",
+    ),
+    "empty window": (
+        replaced("t_end = 2.5", "t_start = 3.0\nt_end = 2.5"),
+        "recording: the window from 3 to 2.5 s is empty. Allowed: t_start < t_end.",
+    ),
+    "no columns": (
+        re.sub(r"\[recording.columns.V\].*?\[\[held", "[recording.columns]\n[[held", GOOD, flags=re.DOTALL),
+        "recording.columns: {} was found. Allowed: at least 1 entry.",
+    ),
+    "no process": (GOOD + "[run]\nn_jobs = 0\n", "run: n_jobs is 0. Allowed: a number of processes, or -1."),
+    "fewer simulations than starts": (
+        GOOD + "[calibration]\nstarts = 9\nlibrary = 4\n",
+        "calibration: 9 starts cannot be taken from a library of 4. Allowed: library >= starts - 1.",
+    ),
+    "several": (
+        replaced("base_mva = 50", "base_mva = -50").replace("top_k = 3", "top_k = 0"),
+        "Allowed: a number > 0. 1 further keys are wrong.",
+    ),
+}
+
+
+@pytest.mark.parametrize(("text", "message"), BAD.values(), ids=BAD.keys())
+def test_unusable_cases_are_explained(tmp_path, text, message):
+    path = write(tmp_path, text)
+    with pytest.raises(InputError, match=re.escape(message)) as caught:
+        load_case(path)
+    assert str(caught.value).startswith(f"case file {path}")
+
+
+def test_files_that_cannot_be_read(tmp_path):
+    with pytest.raises(InputError, match=r"no.toml: does not exist. Allowed: a TOML file"):
+        load_case(tmp_path / "no.toml")
+    with pytest.raises(InputError, match=r"is a folder. Allowed: a TOML file"):
+        load_case(tmp_path)
+    (tmp_path / "case.toml").write_bytes(b"title = '\xff'")
+    with pytest.raises(InputError, match="byte 9 is not UTF-8 text"):
+        load_case(tmp_path / "case.toml")
+    case = load_case(write(tmp_path))
+    with pytest.raises(InputError, match=r"rec.csv: does not exist"):
+        case.load_recording()
+
+
+def test_the_grid_fault_case():
+    file = Path(__file__).resolve().parents[3] / "shared" / "data" / "grid_fault_recording" / "recording.csv"
+    if not file.is_file():
+        pytest.skip(f"{file} is not on this machine")
+    columns = {
+        name: {"column": header, "base": 1000.0} for name, header in (("P", "P_pu1000"), ("Q", "Q_pu1000"))
+    }
+    case = Case.model_validate(
+        {
+            "recording": {
+                "path": str(file),
+                "base_mva": 737.0,
+                "f_nominal": 60.0,
+                "t_end": 4.1,
+                "shift": {"V": -2 / 60, "angle": -2 / 60},
+                "columns": {"V": {"column": "V_mag"}, "angle": {"column": "V_ang_rad"}, **columns},
+            },
+            "device": {
+                "type": "synchronous_machine",
+                "relative": 0.5,
+                "parameters": {
+                    "Xd": {"nominal": 0.95},
+                    "Xq": {"nominal": 0.68},
+                    "D": {"nominal": 1.0, "lower": 0.0, "upper": 2.0},
+                },
+                "constants": {"Ra": 0.0015},
+            },
+        }
+    )
+    rec = case.load_recording()
+    assert rec.time[-1] <= 4.1
+    assert rec.initial("P")["P"] == pytest.approx(0.846, abs=1e-3)
+    assert case.parameters()["Xq"].upper == pytest.approx(1.02)
