@@ -26,7 +26,7 @@ class ChannelFit:
     ----------
     recording, channel, unit : str
     rms : float
-        Of the error, in `unit`.
+        Of the error from the start of the event on, in `unit`.
     E : float
         Equation (23).
     chi2_per_sample : float
@@ -98,6 +98,7 @@ def channel_fits(observation: Observation, responses: ArrayLike) -> list[Channel
     level = quiet_level(observation.values, observation.time, observation.event.start)
     measured = np.flatnonzero(observation.mask.any(axis=1))
     pair = responses[measured], observation.values[measured]
+    from_event = observation.time >= observation.event.start - 1e-9
     z = (pair[0] - pair[1]) / observation.noise[measured, None]
     return [
         ChannelFit(
@@ -105,7 +106,7 @@ def channel_fits(observation: Observation, responses: ArrayLike) -> list[Channel
         )
         for r, *figures in zip(
             measured,
-            rms(*pair),
+            rms(pair[0][:, from_event], pair[1][:, from_event]),
             response_error(*pair, level[measured]),
             np.nanmean(z**2, axis=1),
             observation.noise[measured],
