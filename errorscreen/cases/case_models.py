@@ -190,8 +190,6 @@ class ScreeningSection(Section):
         default=64, description="cnn: height of the time-frequency images"
     )
     columns: Annotated[int, Field(ge=8)] = Field(default=256, description="cnn: width of the images")
-    frequencies: Annotated[int, Field(ge=8)] = Field(default=32, description="rows of the images it sees")
-    columns: Annotated[int, Field(ge=8)] = Field(default=128, description="time columns of the images it sees")
     top_k: Count | None = Field(default=None, description="how many parameters are selected")
     threshold: Annotated[float, Field(gt=0, le=1)] | None = Field(
         default=None,

@@ -69,7 +69,7 @@ def demo_recordings(random_state: Any = 0) -> tuple[Recording, tuple[Recording, 
     --------
     >>> recording, held_out, truth = demo_recordings(1)
     >>> recording.names, len(held_out), sorted(truth)[:3]
-    (('V', 'angle', 'P', 'Q'), 2, ['D', 'Tj', 'Tq10'])
+    (('V', 'angle', 'P', 'Q'), 2, ['D', 'Td10', 'Tj'])
     """
     rng = generator(random_state)
     space = SYNCHRONOUS_MACHINE.candidates

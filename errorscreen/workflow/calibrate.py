@@ -1,0 +1,82 @@
+"""Calibration stage: fit a selection of parameters, and measure every recording before and after."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from time import perf_counter
+from typing import Any
+
+from errorscreen.calibration import MAPCalibrator, PSOCalibrator
+from errorscreen.cases.case_models import CalibrationSection, RunSection
+from errorscreen.discovery import judge
+from errorscreen.recordings import Observation
+from errorscreen.simulators.base import Simulator
+
+
+def calibrate_map(
+    simulator: Simulator,
+    observation: Observation,
+    section: CalibrationSection,
+    run: RunSection,
+    progress: bool,
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """All parameters by bounded least squares with a prior, and the verdict that follows from it."""
+    start = perf_counter()
+    calibrator = MAPCalibrator(
+        simulator,
+        prior_scale=section.prior_scale,
+        n_starts=section.starts,
+        library_size=max(section.library, section.starts),
+        level=section.level,
+        random_state=run.random_state,
+        progress=progress,
+    ).fit(observation)
+    verdict = judge([observation], [simulator.baseline(observation.event)], calibrator)
+    arrays = {
+        "theta": calibrator.theta_,
+        "intervals": calibrator.intervals_,
+        "at_bound": calibrator.at_bound_,
+        "identifiable": calibrator.identifiable_,
+    }
+    meta = {
+        "names": list(calibrator.names_),
+        "groups": [list(group) for group in calibrator.groups_],
+        "converged": bool(calibrator.converged_),
+        "chi2_per_sample": calibrator.chi2_per_sample_,
+        "inflation": calibrator.inflation_,
+        "n_simulations": calibrator.n_simulations_,
+        "n_failed": calibrator.n_failed_,
+        "verdict": {"kind": verdict.kind, "text": verdict.text},
+        "seconds": perf_counter() - start,
+    }
+    return arrays, meta
+
+
+def calibrate_pso(
+    simulator: Simulator,
+    observation: Observation,
+    names: Sequence[str],
+    section: CalibrationSection,
+    run: RunSection,
+    progress: bool,
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Selected parameters by particle swarm, as in the paper."""
+    start = perf_counter()
+    calibrator = PSOCalibrator(
+        simulator,
+        names,
+        n_particles=section.particles,
+        n_iterations=section.iterations,
+        inertia=section.inertia,
+        cognitive=section.cognitive,
+        social=section.social,
+        random_state=run.random_state,
+        progress=progress,
+    ).fit(observation)
+    meta = {
+        "names": list(calibrator.names_),
+        "n_simulations": calibrator.n_simulations_,
+        "n_failed": calibrator.n_failed_,
+        "seconds": perf_counter() - start,
+    }
+    return {"theta": calibrator.theta_, "history": calibrator.history_["objective"]}, meta

@@ -1,0 +1,145 @@
+"""Screening stage: which parameters carry the error, by each method asked for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from errorscreen.cases.case_models import RunSection, ScreeningSection
+from errorscreen.features import ChannelScaler, CWTTransformer, ResponseErrorTransformer
+from errorscreen.generation import generate_dataset
+from errorscreen.metrics import ranking
+from errorscreen.recordings import Observation
+from errorscreen.screening import (
+    ContributionScreener,
+    RandomScreener,
+    RelativeThresholdSelector,
+    SensitivityScreener,
+    TopKSelector,
+)
+from errorscreen.simulators.base import Simulator
+
+
+@dataclass(frozen=True)
+class Screened:
+    """Result of one screener.
+
+    Parameters
+    ----------
+    method : str
+        ``"cnn"``, ``"sensitivity"`` or ``"random"``.
+    contributions : ndarray of shape (m,)
+    names : tuple of str
+        Selected parameters, the most suspicious first.
+    seconds : float
+    n_simulations, n_failed : int
+    """
+
+    method: str
+    contributions: NDArray[np.float64]
+    names: tuple[str, ...]
+    seconds: float
+    n_simulations: int
+    n_failed: int
+
+
+def selector(section: ScreeningSection) -> TopKSelector | RelativeThresholdSelector:
+    """Rule that turns contributions into a selection."""
+    if section.threshold is not None or section.top_k is None:
+        return RelativeThresholdSelector(0.1 if section.threshold is None else section.threshold)
+    return TopKSelector(section.top_k)
+
+
+def screen(
+    method: str,
+    simulator: Simulator,
+    observation: Observation,
+    section: ScreeningSection,
+    run: RunSection,
+    folder: Path,
+    progress: bool,
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Compute one screener, as arrays and JSON values for the store."""
+    start = perf_counter()
+    n_failed = 0
+    space = simulator.parameters
+    if method == "cnn":
+        contributions, n_simulations, n_failed = _network(
+            simulator, observation, section, run, folder, progress
+        )
+    elif method == "sensitivity":
+        contributions = SensitivityScreener(simulator).fit(observation).contributions_
+        n_simulations = len(space) + 1
+    else:
+        contributions = (
+            RandomScreener(simulator, random_state=run.random_state).fit(observation).contributions_
+        )
+        n_simulations = 0
+    names = [
+        space.names[j]
+        for j in ranking(contributions)
+        if j in set(selector(section).select(contributions).tolist())
+    ]
+    meta = {
+        "names": names,
+        "seconds": perf_counter() - start,
+        "n_simulations": n_simulations,
+        "n_failed": n_failed,
+    }
+    return {"contributions": contributions}, meta
+
+
+def error_pipeline(observation: Observation, section: ScreeningSection, random_state: int) -> Any:
+    """Images, scaling and network for errors on the time grid of an observation."""
+    from sklearn.pipeline import make_pipeline
+
+    from errorscreen.regressors import CNNContributionRegressor
+
+    return make_pipeline(
+        CWTTransformer(
+            sampling_period=observation.event.dt,
+            signed=True,
+            n_frequencies=section.frequencies,
+            n_columns=section.columns,
+        ),
+        ChannelScaler(),
+        CNNContributionRegressor(max_epochs=section.epochs, random_state=random_state, verbose=True),
+    )
+
+
+def _network(
+    simulator: Simulator,
+    observation: Observation,
+    section: ScreeningSection,
+    run: RunSection,
+    folder: Path,
+    progress: bool,
+) -> tuple[NDArray[np.float64], int, int]:
+    """Simulate labelled errors, train, and read the measured error: the paper's method."""
+    dataset = generate_dataset(
+        simulator,
+        section.samples,
+        observation.event,
+        random_state=run.random_state,
+        n_jobs=run.n_jobs,
+        progress=progress,
+        checkpoint=folder / "dataset",
+    )
+    usable = dataset.valid()
+    error = ResponseErrorTransformer(dataset.baseline, missing="zero").fit(usable.responses)
+    training = error.transform(usable.responses)
+    training[:, ~observation.mask] = 0.0  # what was not measured must not be learned from
+    pipeline = error_pipeline(observation, section, run.random_state)
+    pipeline[-1].set_params(verbose=progress)
+    screener = ContributionScreener(
+        pipeline, simulator.parameters.names, noise=observation.noise, random_state=run.random_state
+    )
+    screener.fit(training, usable.contributions)
+    measured = error.transform(observation.values[None])
+    n_simulations = section.samples * (len(simulator.parameters) + 1)
+    return screener.predict(measured)[0], n_simulations, dataset.n_failed

@@ -1,0 +1,286 @@
+"""The main job: screen, calibrate, judge, for one recording and others to judge on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import errorscreen
+from errorscreen.cases import Case
+from errorscreen.cases.case_models import CalibrationSection, RunSection, ScreeningSection
+from errorscreen.checkpoint import digest
+from errorscreen.discovery import ChannelFit, StageError, Verdict, channel_fits, stage_errors
+from errorscreen.exceptions import SimulationError
+from errorscreen.recordings import Observation, Recording
+from errorscreen.simulators import PlantSimulator
+from errorscreen.simulators.base import Simulator
+from errorscreen.workflow.calibrate import calibrate_map, calibrate_pso
+from errorscreen.workflow.screen import Screened, screen
+from errorscreen.workflow.stages import StageStore
+
+
+@dataclass(frozen=True)
+class Study:
+    """What to compare with what, and how.
+
+    Parameters
+    ----------
+    title : str
+    simulator : Simulator
+    observation : Observation
+        The recording that is fitted.
+    held_out : tuple of Observation
+        Recordings that are only judged on.
+    base_mva : float
+        What 1 pu of P and Q is.
+    screening, calibration, run
+        Sections of a case file.
+    truth : mapping of str to float, optional
+        Hidden parameters, where they are known (the demo).
+    """
+
+    title: str
+    simulator: Simulator
+    observation: Observation
+    held_out: tuple[Observation, ...]
+    base_mva: float
+    screening: ScreeningSection
+    calibration: CalibrationSection
+    run: RunSection
+    truth: Mapping[str, float] | None = None
+
+    @classmethod
+    def from_case(cls, case: Case) -> Study:
+        """Read the recordings of a case file and set up its simulator.
+
+        Raises
+        ------
+        InputError
+            If a recording cannot be used, or lacks what the device needs.
+        """
+        recording = case.load_recording()
+        stated = {role: c.value for role, c in case.recording.columns.items() if c.value is not None}
+        simulator = PlantSimulator(
+            case.device.type,
+            recording,
+            parameters=case.parameters(),
+            constants=case.device.constants,
+            step=case.simulation.step,
+            dt=case.simulation.dt,
+            operating_point=stated,
+        )
+        return cls.of(case.title, simulator, recording, case.load_held_out(), case)
+
+    @classmethod
+    def of(
+        cls,
+        title: str,
+        simulator: Simulator,
+        recording: Recording,
+        held_out: tuple[Recording, ...],
+        sections: Any,
+        truth: Mapping[str, float] | None = None,
+    ) -> Study:
+        """Study of recordings that are at hand; `sections` has screening, calibration and run."""
+        return cls(
+            title or recording.name,
+            simulator,
+            simulator.observe(recording),
+            tuple(simulator.observe(r) for r in held_out),
+            recording.base_mva,
+            sections.screening,
+            sections.calibration,
+            sections.run,
+            truth,
+        )
+
+    def fingerprint(self) -> str:
+        """Digest of everything the result depends on."""
+        return digest(
+            errorscreen.__version__,
+            [(p.name, p.nominal, p.lower, p.upper, p.scale) for p in self.simulator.parameters],
+            vars(self.simulator).get("constants", {}),
+            repr(self.simulator),
+            vars(self.simulator).get("step", 0.0),
+            self.observation,
+            list(self.held_out),
+            [s.model_dump(exclude={"n_jobs", "out"}) for s in (self.screening, self.calibration, self.run)],
+        )
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """Result of one calibration.
+
+    Parameters
+    ----------
+    method : str
+        ``"map"`` or ``"pso"``.
+    selection : str
+        ``"all"``, or the screener whose selection was calibrated.
+    names : tuple of str
+        Calibrated parameters.
+    theta : ndarray of shape (m,)
+        All parameters afterwards.
+    responses : tuple of ndarray of shape (R, L)
+        For the fitted recording and each held-out one.
+    fits : list of ChannelFit
+        Of all recordings, the fitted one first.
+    arrays, meta : dict
+        What the calibrator said besides: intervals, flags, groups, counts, seconds.
+    """
+
+    method: str
+    selection: str
+    names: tuple[str, ...]
+    theta: NDArray[np.float64]
+    responses: tuple[NDArray[np.float64], ...]
+    fits: list[ChannelFit]
+    arrays: dict[str, Any]
+    meta: dict[str, Any]
+
+    @property
+    def label(self) -> str:
+        """For tables and legends."""
+        return f"{self.method} on {self.selection}"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Everything a report tells about a study."""
+
+    study: Study
+    before: tuple[NDArray[np.float64], ...]
+    fits: list[ChannelFit]
+    stages: list[StageError]
+    screened: list[Screened]
+    calibrated: list[Calibrated]
+    verdict: Verdict
+    seconds: float
+    reused: list[str]
+
+    @property
+    def best(self) -> Calibrated:
+        """The calibration that the report judges by: the first of the methods asked for."""
+        return self.calibrated[0]
+
+    @property
+    def observations(self) -> tuple[Observation, ...]:
+        """The fitted recording, then the others."""
+        return (self.study.observation, *self.study.held_out)
+
+
+def run_study(
+    study: Study,
+    out: str | Path,
+    *,
+    progress: bool = False,
+    report: Callable[[str], None] = lambda line: None,
+) -> Outcome:
+    """Screen, calibrate and judge; finished stages are kept in ``out/stages`` and used again.
+
+    Parameters
+    ----------
+    study : Study
+    out : str or Path
+        Folder; made where it is missing.
+    progress : bool
+        Show progress bars.
+    report : callable
+        Takes lines of text while it runs.
+
+    Returns
+    -------
+    Outcome
+
+    Raises
+    ------
+    SimulationError
+        If the model cannot be simulated at its nominal parameters.
+    """
+    start = perf_counter()
+    store = StageStore(Path(out) / "stages", study.fingerprint())
+    simulator, observation = study.simulator, study.observation
+    before = tuple(simulator.baseline(o.event) for o in (observation, *study.held_out))
+    screened = []
+    for method in study.screening.methods:
+        report(f"screening: {method}")
+        arrays, meta = store.get(
+            f"screening-{method}",
+            lambda method=method: screen(  # type: ignore[misc]
+                method, simulator, observation, study.screening, study.run, store.folder, progress
+            ),
+        )
+        screened.append(
+            Screened(
+                method,
+                arrays["contributions"],
+                tuple(meta["names"]),
+                meta["seconds"],
+                meta["n_simulations"],
+                meta["n_failed"],
+            )
+        )
+    report("calibration: map on all parameters")
+    settings = (study.calibration, study.run, progress)
+    arrays, meta = store.get("calibration-map", lambda: calibrate_map(simulator, observation, *settings))
+    verdict = Verdict(**meta["verdict"])
+    calibrated = []
+    for calibrator in study.calibration.methods:
+        if calibrator == "map":
+            calibrated.append(_calibrated("map", "all", arrays, meta, study))
+            continue
+        for one in screened:
+            report(f"calibration: pso on the selection of {one.method}: {', '.join(one.names)}")
+            found = store.get(
+                f"calibration-pso-{one.method}",
+                lambda one=one: calibrate_pso(simulator, observation, one.names, *settings),  # type: ignore[misc]
+            )
+            calibrated.append(_calibrated("pso", one.method, *found, study))
+    return Outcome(
+        study,
+        before,
+        _fits((observation, *study.held_out), before),
+        stage_errors(observation, before[0]),
+        screened,
+        calibrated,
+        verdict,
+        perf_counter() - start,
+        store.reused,
+    )
+
+
+def _fits(
+    observations: tuple[Observation, ...], responses: tuple[NDArray[np.float64], ...]
+) -> list[ChannelFit]:
+    pairs = zip(observations, responses, strict=True)
+    return [fit for observation, response in pairs for fit in channel_fits(observation, response)]
+
+
+def _calibrated(
+    method: str, selection: str, arrays: dict[str, Any], meta: dict[str, Any], study: Study
+) -> Calibrated:
+    """Simulate every recording with the values found."""
+    observations = (study.observation, *study.held_out)
+    responses = []
+    for observation in observations:
+        batch = study.simulator.simulate(arrays["theta"], observation.event)
+        if not batch.ok.all() and observation is study.observation:
+            raise SimulationError(f"the calibrated model cannot be simulated: {batch.failures()}")
+        responses.append(batch.values[0])
+    return Calibrated(
+        method,
+        selection,
+        tuple(meta["names"]),
+        arrays["theta"],
+        tuple(responses),
+        _fits(observations, tuple(responses)),
+        arrays,
+        meta,
+    )
