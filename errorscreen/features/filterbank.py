@@ -1,6 +1,6 @@
 """Continuous wavelet transform of many signals at once, equal to `pywt.cwt`.
 
-`pywt.cwt` integrates the mother wavelet on 4096 points, resamples the integral for each scale, convolves the
+`pywt.cwt` integrates the mother wavelet on 2**12 points, resamples the integral for each scale, convolves the
 signal with it and differentiates. The last two steps are linear, so each scale is one filter. Here the
 filters are built once, cut to the taps that a signal of the given length can reach, and applied by FFT.
 """
@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from errorscreen.exceptions import InputError
 
 # pywt.cwt's own default: the mother wavelet is sampled on 2**12 points
-_PRECISION = 12
+PRECISION = 12
 
 
 def read_wavelet(name: str) -> Any:
@@ -50,9 +50,9 @@ def read_wavelet(name: str) -> Any:
     return wavelet
 
 
-def central_frequency(wavelet: Any) -> float:
+def central_frequency(wavelet: Any, precision: int = PRECISION) -> float:
     """Frequency of the mother wavelet in cycles per sample at scale 1, as `pywt.cwt` reports it."""
-    return float(pywt.scale2frequency(wavelet, 1.0, _PRECISION))
+    return float(pywt.scale2frequency(wavelet, 1.0, precision))
 
 
 def effective_radius(wavelet: Any) -> float:
@@ -66,7 +66,7 @@ def effective_radius(wavelet: Any) -> float:
     >>> round(effective_radius(read_wavelet("cmor2.0-1.0")), 3)
     1.414
     """
-    psi, x = wavelet.wavefun(_PRECISION)
+    psi, x = wavelet.wavefun(PRECISION)
     weight = np.abs(psi) ** 2 / np.sum(np.abs(psi) ** 2)
     return float(2 * np.sqrt(np.sum(weight * x**2) - np.sum(weight * x) ** 2))
 
@@ -84,6 +84,8 @@ class FilterBank:
         Length L of the signals.
     dtype : {float64, float32}, default float64
         Precision of the transform. The filters themselves are always computed in float64.
+    precision : int, default 12
+        The mother wavelet is sampled on 2**precision points, as in `pywt.cwt`.
 
     Attributes
     ----------
@@ -110,7 +112,14 @@ class FilterBank:
     True
     """
 
-    def __init__(self, scales: ArrayLike, wavelet: str, n_times: int, dtype: Any = np.float64) -> None:
+    def __init__(
+        self,
+        scales: ArrayLike,
+        wavelet: str,
+        n_times: int,
+        dtype: Any = np.float64,
+        precision: int = PRECISION,
+    ) -> None:
         mother = read_wavelet(wavelet)
         self.scales = np.atleast_1d(np.asarray(scales, dtype=float))
         if not np.all(self.scales > 0):
@@ -119,7 +128,7 @@ class FilterBank:
         self.n_parts = 2 if mother.complex_cwt else 1
         # circular convolution of this length is exact for the first L outputs, see `_taps`
         self._n_fft = scipy.fft.next_fast_len(2 * n_times - 1, real=True)
-        integral, x = pywt.integrate_wavelet(mother, precision=_PRECISION)
+        integral, x = pywt.integrate_wavelet(mother, precision=precision)
         filters = np.zeros((self.n_parts, len(self.scales), self._n_fft))
         for row, scale in enumerate(self.scales):
             taps = self._taps(np.conj(integral), x, scale)

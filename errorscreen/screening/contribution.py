@@ -38,7 +38,7 @@ def contribution_pipeline(sampling_period: float = 1.0, random_state: Any = None
     ['cwttransformer', 'channelscaler', 'cnncontributionregressor']
     """
     return make_pipeline(
-        CWTTransformer(sampling_period=sampling_period, signed=True),
+        CWTTransformer(sampling_period=sampling_period, signed=True, precision=15),
         ChannelScaler(),
         CNNContributionRegressor(random_state=random_state),
     )

@@ -133,6 +133,21 @@ def test_the_cone_of_influence_bounds_where_the_end_of_the_record_shows():
         assert np.all(middle < 1e-3 * row.max())
 
 
+def test_more_precision_smoothes_wavelets_that_last_longer_than_its_points():
+    time = np.arange(500) * 0.01
+    error = np.sin(2 * np.pi * time)[None]
+    smoothness = []
+    for precision in (12, 15):
+        transformer = CWTTransformer(
+            sampling_period=0.01, f_min=0.2, f_max=0.4, n_frequencies=3, energy="linear", precision=precision
+        )
+        image = transformer.fit_transform(error)[0, 0]
+        expected = np.abs(pywt.cwt(error[0], transformer.scales_, "cmor2.0-1.0", precision=precision)[0]) ** 2
+        assert image.max() == pytest.approx(expected.max(), rel=0.01)
+        smoothness.append(np.abs(np.diff(image, 2)).max() / image.max())
+    assert smoothness[1] < 0.5 * smoothness[0]
+
+
 def test_signed_parts_are_the_real_and_imaginary_coefficients():
     errors = errors_like(1, length=16)
     options = dict(signed=True, energy="linear", dtype="float64", **SMALL)
@@ -190,6 +205,7 @@ def test_a_silent_channel_gives_a_flat_image():
         ({"floor": np.nan}, "floor is nan"),
         ({"signed": "yes"}, "signed='yes'"),
         ({"output": "table"}, "output='table'"),
+        ({"precision": 30}, "precision is 30. Allowed: an integer from 8 to 20"),
         ({"dtype": "float16"}, "dtype='float16'"),
         ({"n_channels": 3}, "X has 2 channels. Allowed: n_channels=3"),
     ],

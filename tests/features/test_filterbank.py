@@ -24,16 +24,17 @@ WAVELETS = st.one_of(
     wavelet=WAVELETS,
     n_times=st.integers(1, 300),
     scales=st.lists(st.floats(0.4, 400), min_size=1, max_size=4),
+    precision=st.sampled_from([12, 10, 15]),
     seed=st.integers(0, 2**32 - 1),
 )
-def test_coefficients_are_those_of_pywt(wavelet, n_times, scales, seed):
+def test_coefficients_are_those_of_pywt(wavelet, n_times, scales, precision, seed):
     signals = np.random.default_rng(seed).normal(size=(2, n_times))
-    expected = pywt.cwt(signals, scales, wavelet)[0].transpose(1, 0, 2)
+    expected = pywt.cwt(signals, scales, wavelet, precision=precision)[0].transpose(1, 0, 2)
     tolerance = 1e-12 * np.abs(expected).max()
-    coefficients = FilterBank(scales, wavelet, n_times).transform(signals)
+    coefficients = FilterBank(scales, wavelet, n_times, precision=precision).transform(signals)
     assert coefficients.dtype == expected.dtype
     np.testing.assert_allclose(coefficients, expected, rtol=0, atol=tolerance)
-    single = FilterBank(scales, wavelet, n_times, np.float32).transform(signals.astype(np.float32))
+    single = FilterBank(scales, wavelet, n_times, np.float32, precision).transform(signals.astype(np.float32))
     assert single.dtype == (np.complex64 if np.iscomplexobj(expected) else np.float32)
     np.testing.assert_allclose(single, expected, rtol=0, atol=3e-6 * np.abs(expected).max())
 
