@@ -37,7 +37,7 @@ class CNNContributionRegressor(RegressorMixin, BaseEstimator):
         Units of the first fully connected layer.
     dropout : float, default 0.0
         Share of hidden units left out in training, below 1.
-    lr : float, default 1e-3
+    lr : float, default 3e-3
         Step size of the optimiser.
     weight_decay : float, default 1e-4
     batch_size : int, default 32
@@ -111,7 +111,7 @@ class CNNContributionRegressor(RegressorMixin, BaseEstimator):
         n_hidden: int = 128,
         *,
         dropout: float = 0.0,
-        lr: float = 1e-3,
+        lr: float = 3e-3,
         weight_decay: float = 1e-4,
         batch_size: int = 32,
         max_epochs: int = 60,

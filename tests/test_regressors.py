@@ -24,7 +24,7 @@ TINY = {"n_filters": (4, 4, 4), "n_hidden": 8, "max_epochs": 3}
     [
         CNNContributionRegressor(random_state=0),
         CNNContributionRegressor(
-            (4, 8, 8), 16, max_epochs=40, patience=None, lr=1e-2, target_power=1.0, random_state=0
+            (4, 8, 8), 16, max_epochs=20, patience=None, lr=1e-2, target_power=1.0, random_state=0
         ),
     ]
 )

@@ -166,7 +166,8 @@ class CWTTransformer(TransformerMixin, BaseEstimator):
         self.times_ = ((np.arange(self.n_columns) + 0.5) * width - 0.5) * self.sampling_period
         self._bank = FilterBank(self.scales_, self.wavelet, n_times, self.dtype, self.precision)
         mean_square = np.mean(np.square(errors, dtype=float), axis=(0, 2))
-        self.floor_ = self.floor * np.where(mean_square > 0, mean_square, 1.0)
+        smallest = np.finfo(self.dtype).tiny  # of the rounding that a silent channel may hold
+        self.floor_ = np.maximum(self.floor * np.where(mean_square > 0, mean_square, 1.0), smallest)
         self.n_images_ = errors.shape[1] * (1 + self._bank.n_parts * self.signed)
         return self
 

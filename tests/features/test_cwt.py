@@ -164,6 +164,15 @@ def test_signed_parts_are_the_real_and_imaginary_coefficients():
     np.testing.assert_allclose(compressed.transform(-errors)[:, 2:], mirrored, atol=1e-12)
 
 
+@pytest.mark.parametrize("order", [[2, 0, 1], [1, 0, 2]])
+def test_permuted_channels_give_permuted_images(order):
+    errors = errors_like(7, channels=3)
+    transformer = CWTTransformer(signed=True, **SMALL)
+    expected = transformer.fit_transform(errors).reshape(3, 3, 3, 6, 16)[:, :, order]
+    permuted = transformer.fit_transform(errors[:, order]).reshape(3, 3, 3, 6, 16)
+    np.testing.assert_array_equal(permuted, expected)
+
+
 def test_one_row_of_channels_gives_the_same_images_as_three_axes():
     errors = errors_like(2)
     stacked = CWTTransformer(**SMALL).fit_transform(errors)
@@ -182,12 +191,14 @@ def test_the_result_depends_neither_on_threads_nor_on_blocks_nor_on_other_sample
     np.testing.assert_allclose(transformer.transform(errors), expected, rtol=1e-5)
 
 
-def test_a_silent_channel_gives_a_flat_image():
+@pytest.mark.parametrize("rounding", [0.0, 1e-30])
+def test_a_silent_channel_gives_a_flat_image(rounding):
     errors = errors_like(4)
-    errors[:, 1] = 0
-    images = CWTTransformer(**SMALL).fit_transform(errors)
+    errors[:, 1] *= rounding
+    images = CWTTransformer(signed=True, **SMALL).fit_transform(errors)
     assert np.all(np.isfinite(images))
-    assert np.ptp(images[:, 1]) == 0
+    assert np.ptp(images[:, 1]) < 1e-6
+    assert np.abs(images[:, [3, 5]]).max() < 1e-6
 
 
 @pytest.mark.parametrize(

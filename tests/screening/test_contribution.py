@@ -130,7 +130,7 @@ def test_grid_search_on_errors_of_a_simulated_plant():
         cv=2,
         error_score="raise",
     ).fit(data.responses, data.contributions)
-    assert search.best_score_ > 0.6  # by chance: 0.29
+    assert search.best_score_ > 0.5  # by chance: 0.29
     ranked = search.best_estimator_.rank_names(data.responses[:1])[0]
     assert sorted(ranked) == sorted(simulator.parameters.names)
 
