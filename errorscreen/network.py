@@ -107,7 +107,8 @@ def find_device(name: str) -> str:
 def own_random_state(seed: int) -> Iterator[None]:
     """Give torch its own random numbers and repeatable kernels for a while, and leave the caller's alone."""
     devices = range(torch.cuda.device_count())
-    with torch.random.fork_rng(devices=devices), torch.backends.cudnn.flags(deterministic=True):
+    kernels = torch.backends.cudnn.flags(enabled=True, benchmark=False, deterministic=True)
+    with torch.random.fork_rng(devices=devices), kernels:
         torch.manual_seed(seed)
         yield
 

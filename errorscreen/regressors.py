@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -166,9 +167,9 @@ class CNNContributionRegressor(RegressorMixin, BaseEstimator):
         targets = self._scale_targets(np.asarray(y, dtype=float))
         seed = check_random_state(self.random_state).randint(np.iinfo(np.int32).max)
         with network.own_random_state(seed):
-            self.net_ = self._build(network)
+            net = self._build(network)
             network.train_network(
-                self.net_,
+                net,
                 as_images(images),
                 targets,
                 lr=self.lr,
@@ -180,6 +181,7 @@ class CNNContributionRegressor(RegressorMixin, BaseEstimator):
                 split_seed=seed,
                 progress=self.verbose,
             )
+        self.net_ = net  # only now, so that an interrupted fit leaves nothing that could predict
         self.loss_curve_ = self.net_.history[:, "train_loss"]
         validated = "valid_loss" in self.net_.history[-1]
         self.validation_curve_ = self.net_.history[:, "valid_loss"] if validated else []
@@ -196,7 +198,7 @@ class CNNContributionRegressor(RegressorMixin, BaseEstimator):
         -------
         ndarray of shape (n, m), or (n,) where fit was given a 1-D `y`
         """
-        check_is_fitted(self)
+        check_is_fitted(self, "net_")
         images = as_images(check_stack(self, X, reset=False, max_ndim=4, dtype=np.float32))
         network = _import_network()
         with network.own_random_state(0):  # the loader of the batches draws a number
@@ -214,9 +216,9 @@ class CNNContributionRegressor(RegressorMixin, BaseEstimator):
         InputError
             If the file cannot be written.
         """
-        check_is_fitted(self)
+        check_is_fitted(self, "net_")
         parameters = self.get_params(deep=False)
-        if not isinstance(self.random_state, int):
+        if not isinstance(self.random_state, Integral):
             parameters["random_state"] = None
         fitted = {name: getattr(self, name) for name in (*_FITTED, *_CURVES)}
         fitted["feature_names_in_"] = getattr(self, "feature_names_in_", None)

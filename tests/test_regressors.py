@@ -204,8 +204,11 @@ def test_an_interrupt_by_the_user_is_not_taken_for_the_end_of_the_training(monke
             raise KeyboardInterrupt
 
     monkeypatch.setattr(network.Progress, "on_epoch_end", interrupt)
+    model = CNNContributionRegressor(**TINY, verbose=True, random_state=0)
     with pytest.raises(KeyboardInterrupt):
-        CNNContributionRegressor(**TINY, verbose=True, random_state=0).fit(images, labels)
+        model.fit(images, labels)
+    with pytest.raises(NotFittedError):
+        model.predict(images)
 
 
 def test_a_training_that_diverges_is_an_input_error():
