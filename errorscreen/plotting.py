@@ -61,7 +61,7 @@ def plot_responses(
     rows = np.flatnonzero(observation.mask.any(axis=1))
     if not len(rows):
         raise InputError("no channel was measured", where="plot_responses", allowed="at least one value")
-    figure = _figure(8.0, 0.7 + 2.1 * len(rows))
+    figure = _figure(9.5, 0.7 + 2.2 * len(rows))
     panels = figure.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0]
     for axes, r in zip(panels, rows, strict=True):
         axes.plot(observation.time, observation.values[r], color=MEASURED, lw=3.2, label="measured")
@@ -124,7 +124,7 @@ def plot_error_images(
     f, t = np.asarray(frequencies, dtype=float), np.asarray(times, dtype=float)
     shape = (len(channels), len(f), len(t))
     images = {label: _shaped(e, shape, f"energy {label!r}") for label, e in energies.items()}
-    figure = _figure(1.3 + 4.0 * len(images), 0.7 + 2.4 * len(channels))
+    figure = _figure(1.3 + 4.1 * len(images), 0.7 + 2.4 * len(channels))
     grid = figure.subplots(len(channels), len(images), sharex=True, sharey=True, squeeze=False)
     for r, channel in enumerate(channels):
         largest = max(float(np.nanmax(image[r])) for image in images.values()) or 1.0
@@ -264,7 +264,7 @@ def plot_intervals(
         )
     )
     limit, span, value = limit / size[:, None], span / size[:, None], value / size
-    figure = _figure(7.0, 1.2 + 0.3 * k)
+    figure = _figure(7.5, 1.2 + 0.3 * k)
     axes = figure.subplots()
     rows = np.arange(k)
     axes.barh(rows, limit[:, 1] - limit[:, 0], left=limit[:, 0], height=0.62, color="#eef1f4", label="bounds")

@@ -1,0 +1,135 @@
+"""The report: one self-contained HTML file that can be read, printed and sent."""
+
+from __future__ import annotations
+
+import base64
+import io
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from errorscreen.exceptions import InputError, unknown_name
+from errorscreen.persistence import write_text_atomic
+from errorscreen.report.result_schema import Result
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Places in the report where figures can stand.
+SECTIONS = ("responses", "errors", "screening", "calibration")
+#: What a verdict means, in one line.
+HEADLINES = {
+    "within-noise": "The simulation agrees with the recording within its noise",
+    "parameters": "Parameters of the model explain the error",
+    "measurement": "The measurement itself explains the error",
+    "effect": "The model lacks an effect",
+    "unknown": "The cause of the error is not known",
+}
+_DASH = "–"
+
+
+@dataclass(frozen=True)
+class ReportFigure:
+    """A figure with its place in the report.
+
+    Parameters
+    ----------
+    section : {"responses", "errors", "screening", "calibration"}
+    caption : str
+        Also read aloud in place of the figure.
+    figure : matplotlib.figure.Figure
+    """
+
+    section: str
+    caption: str
+    figure: Figure
+
+    def __post_init__(self) -> None:
+        if self.section not in SECTIONS:
+            raise unknown_name(self.section, SECTIONS, kind="section", where="ReportFigure")
+
+
+def write_report(result: Result, figures: Iterable[ReportFigure], path: str | os.PathLike[str]) -> Path:
+    """Write the report of a study, complete or not at all.
+
+    Parameters
+    ----------
+    result : Result
+    figures : iterable of ReportFigure
+        Drawn into the file as SVG; they stand in the order given.
+    path : path-like
+
+    Raises
+    ------
+    InputError
+        If `result` is no `Result`, or the file cannot be written.
+    """
+    return write_text_atomic(path, render_report(result, figures))
+
+
+def render_report(result: Result, figures: Iterable[ReportFigure] = ()) -> str:
+    """Text of the report, see `write_report`; the same result gives the same text."""
+    if not isinstance(result, Result):
+        raise InputError(f"a {type(result).__name__} is no result", allowed="errorscreen.report.Result")
+    placed: dict[str, list[dict[str, str]]] = {section: [] for section in SECTIONS}
+    for item in figures:
+        placed[item.section].append({"caption": item.caption, "source": data_uri(item.figure)})
+    return _template().render(r=result, figures=placed, headline=HEADLINES[result.verdict.kind])
+
+
+def data_uri(figure: Figure) -> str:
+    """Figure as SVG inside an address, so that a page needs no other file."""
+    import matplotlib
+
+    buffer = io.BytesIO()
+    # names inside the file are random by default, and its date would differ from run to run
+    with matplotlib.rc_context({"svg.hashsalt": "errorscreen"}):
+        figure.savefig(buffer, format="svg", dpi=160, metadata={"Date": None})
+    return "data:image/svg+xml;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
+
+
+def format_number(value: float | None, digits: int = 3) -> str:
+    """Number with so many significant digits, without exponent where that stays short; a dash for None.
+
+    Examples
+    --------
+    >>> format_number(1234.5), format_number(0.012345), format_number(2.5e-7), format_number(None)
+    ('1230', '0.0123', '2.5e-07', '–')
+    """
+    if value is None:
+        return _DASH
+    text = f"{value:.{digits}g}"
+    return f"{float(text):.0f}" if 10**digits <= abs(value) < 1e6 else text
+
+
+def format_change(before: float | None, after: float | None) -> str:
+    """Change from `before` to `after` in percent, with its sign.
+
+    Examples
+    --------
+    >>> format_change(0.2, 0.05), format_change(0.1, 0.1), format_change(0.0, 0.1)
+    ('−75 %', '±0 %', '–')
+    """
+    if not before or after is None:
+        return _DASH
+    percent = round(100 * (after / before - 1))
+    sign = "−" if percent < 0 else "+" if percent > 0 else "±"
+    return f"{sign}{abs(percent)} %"
+
+
+def _template() -> Any:
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters["num"] = format_number
+    environment.globals["change"] = format_change
+    return environment.from_string(files("errorscreen.report").joinpath("report.html.j2").read_text("utf-8"))

@@ -1,0 +1,85 @@
+"""A small result with every part, as a workflow makes it."""
+
+import numpy as np
+
+from errorscreen.discovery import ChannelFit, StageError
+from errorscreen.report.result_schema import (
+    Calibration,
+    CalibrationMethod,
+    ChannelData,
+    Diagnosis,
+    MethodFit,
+    ParameterResult,
+    RecordingData,
+    Result,
+    Run,
+    Screening,
+    ScreeningMethod,
+    Study,
+    Verdict,
+    diagnose_recording,
+    fit_of,
+)
+
+
+def fit(rms, recording="trip", channel="P"):
+    return ChannelFit(recording, channel, "pu", rms, 10 * rms, 1e4 * rms**2, 0.01)
+
+
+def stage(share, name="fault"):
+    return StageError("trip", "P", name, 1.0, 1.2, share, 40 * share)
+
+
+def method(name, **options):
+    parameter = ParameterResult(
+        name="Xd", unit="pu", nominal=0.95, lower=0.5, upper=1.4, value=np.float64(1.2), low=1.1, high=1.3,
+        at_bound=False, identifiable=True, description="synchronous reactance",
+    )  # fmt: skip
+    loose = ParameterResult(
+        name="D", nominal=1.0, lower=0.0, upper=2.0, value=2.0, at_bound=True, identifiable=False
+    )
+    pairs = [
+        MethodFit(
+            recording=rec, role=role, channel="P", unit="pu", before=fit_of(fit(0.1)), after=fit_of(fit(0.02))
+        )
+        for rec, role in (("trip", "fit"), ("second trip", "held_out"))
+    ]
+    return CalibrationMethod(
+        method=name, label=f"{name}, two parameters", parameters=[parameter, loose], fits=pairs, **options
+    )
+
+
+def result(**changes):
+    parts = {
+        "verdict": Verdict(kind="parameters", text="All that is left is noise."),
+        "study": Study(title="Line trip", device="synchronous_machine", base_mva=50, f_nominal=50, parameters=8),
+        "data": [
+            RecordingData(
+                name=name, role=role, path="data/rec.csv", start=0.0, stop=np.float64(4.1), dt=0.02, event_time=1.0,
+                channels=[ChannelData(name="P", unit="pu", noise=0.01, missing=0.25)],
+                assumptions=[f"{name}: the sign of P was turned."],
+            )
+            for name, role in (("trip", "fit"), ("second trip", "held_out"))
+        ],
+        "diagnosis": Diagnosis(
+            recordings=[
+                diagnose_recording("trip", "fit", [fit(0.1)], [fit(0.02)], [stage(0.9)], [stage(0.5)]),
+                diagnose_recording("second trip", "held_out", [fit(0.2)], [fit(float("nan"))]),
+            ]
+        ),
+        "screening": Screening(
+            rule="the largest contribution",
+            methods=[
+                ScreeningMethod(method="cnn", contributions={"Xd": 2.0, "D": 0.5}, selected=["Xd"], n_simulations=600),
+                ScreeningMethod(method="random", contributions={"Xd": 0.1, "D": 0.5}, selected=["D"]),
+            ],
+        ),
+        "calibration": Calibration(
+            methods=[method("map", groups=[["Xd", "Xd1"]], level=0.9, converged=True, seconds=2.5), method("pso")]
+        ),
+        "run": Run(
+            version="0.1.0", python="3.11", packages={"numpy": "2.4"}, random_state=7, n_simulations=1234, n_failed=5,
+            seconds=61.5, started="2025-11-21T10:00:00Z",
+        ),
+    }  # fmt: skip
+    return Result(**{**parts, **changes})
