@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -130,8 +131,8 @@ class Calibrated:
         All parameters afterwards.
     responses : tuple of ndarray of shape (R, L)
         For the fitted recording and each held-out one.
-    fits : list of ChannelFit
-        Of all recordings, the fitted one first.
+    fits, stages : tuple of list
+        `ChannelFit` and `StageError` of each recording, the fitted one first.
     arrays, meta : dict
         What the calibrator said besides: intervals, flags, groups, counts, seconds.
     """
@@ -141,7 +142,8 @@ class Calibrated:
     names: tuple[str, ...]
     theta: NDArray[np.float64]
     responses: tuple[NDArray[np.float64], ...]
-    fits: list[ChannelFit]
+    fits: tuple[list[ChannelFit], ...]
+    stages: tuple[list[StageError], ...]
     arrays: dict[str, Any]
     meta: dict[str, Any]
 
@@ -153,16 +155,35 @@ class Calibrated:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Everything a report tells about a study."""
+    """Everything a report tells about a study.
+
+    Parameters
+    ----------
+    study : Study
+    before : tuple of ndarray of shape (R, L)
+        Responses at the nominal parameters, for the fitted recording and each held-out one.
+    fits, stages : tuple of list
+        `ChannelFit` and `StageError` of `before`, for each recording.
+    screened : list of Screened
+    calibrated : list of Calibrated
+    verdict : Verdict
+    seconds : float
+        Of this run.
+    started : str
+        ISO 8601.
+    reused : list of str
+        Stages that were taken over from an earlier run.
+    """
 
     study: Study
     before: tuple[NDArray[np.float64], ...]
-    fits: list[ChannelFit]
-    stages: list[StageError]
+    fits: tuple[list[ChannelFit], ...]
+    stages: tuple[list[StageError], ...]
     screened: list[Screened]
     calibrated: list[Calibrated]
     verdict: Verdict
     seconds: float
+    started: str
     reused: list[str]
 
     @property
@@ -204,7 +225,7 @@ def run_study(
     SimulationError
         If the model cannot be simulated at its nominal parameters.
     """
-    start = perf_counter()
+    start, started = perf_counter(), datetime.now(UTC).isoformat(timespec="seconds")
     store = StageStore(Path(out) / "stages", study.fingerprint())
     simulator, observation = study.simulator, study.observation
     before = tuple(simulator.baseline(o.event) for o in (observation, *study.held_out))
@@ -246,21 +267,22 @@ def run_study(
     return Outcome(
         study,
         before,
-        _fits((observation, *study.held_out), before),
-        stage_errors(observation, before[0]),
+        _each(channel_fits, study, before),
+        _each(stage_errors, study, before),
         screened,
         calibrated,
         verdict,
         perf_counter() - start,
+        started,
         store.reused,
     )
 
 
-def _fits(
-    observations: tuple[Observation, ...], responses: tuple[NDArray[np.float64], ...]
-) -> list[ChannelFit]:
-    pairs = zip(observations, responses, strict=True)
-    return [fit for observation, response in pairs for fit in channel_fits(observation, response)]
+def _each(
+    describe: Callable[..., Any], study: Study, responses: tuple[NDArray[np.float64], ...]
+) -> tuple[Any, ...]:
+    """What `describe` says about each recording and its response."""
+    return tuple(describe(o, y) for o, y in zip((study.observation, *study.held_out), responses, strict=True))
 
 
 def _calibrated(
@@ -280,7 +302,8 @@ def _calibrated(
         tuple(meta["names"]),
         arrays["theta"],
         tuple(responses),
-        _fits(observations, tuple(responses)),
+        _each(channel_fits, study, tuple(responses)),
+        _each(stage_errors, study, tuple(responses)),
         arrays,
         meta,
     )

@@ -1,0 +1,7 @@
+"""``python -m errorscreen``."""
+
+import sys
+
+from errorscreen.cli import main
+
+sys.exit(main())

@@ -1,0 +1,152 @@
+"""Command line: ``errorscreen demo``, ``errorscreen run CASE.toml``, ``errorscreen bench speed``."""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import sys
+import tempfile
+import warnings
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from errorscreen import __version__
+from errorscreen.exceptions import ErrorscreenError, InputError
+
+#: exit codes: bad input, a failure on the way, interrupted (as shells count it)
+BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Parameters
+    ----------
+    argv : sequence of str, optional
+        Arguments; those of the process where not given.
+
+    Returns
+    -------
+    int
+        0, or 2 for bad input, 1 for a failure on the way, 130 for Ctrl-C.
+
+    Examples
+    --------
+    >>> main(["run", "no-such-case.toml"])
+    2
+    """
+    options = _parser().parse_args(argv)
+    warnings.showwarning = _show_warning
+    out = options.default_out if options.out is None else options.out
+    try:
+        options.command(options, out)
+    except ErrorscreenError as error:
+        print(f"errorscreen: {error}", file=sys.stderr)
+        return BAD_INPUT if isinstance(error, InputError) else FAILED
+    except KeyboardInterrupt:
+        print(f"\nerrorscreen: interrupted. {options.interrupted}", file=sys.stderr)
+        return INTERRUPTED
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="errorscreen",
+        description="Show what a dynamic simulation gets wrong against a recording, name the parameters that carry "
+        "the error, calibrate them and report it.",
+    )
+    parser.add_argument("--version", action="version", version=f"errorscreen {__version__}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    resumable = "Finished stages are kept: give the same command again and it goes on from there."
+
+    demo = commands.add_parser("demo", help="the whole job on an embedded example with hidden parameters")
+    demo.add_argument(
+        "--seed", type=int, default=0, help="draws the hidden parameters and the noise (default 0)"
+    )
+    demo.set_defaults(command=_demo, default_out="errorscreen-demo", interrupted=resumable)
+
+    run = commands.add_parser("run", help="the whole job on the recording and the model of a case file")
+    run.add_argument("case", metavar="CASE.toml", help="case file")
+    run.set_defaults(command=_run, default_out=None, interrupted=resumable)
+
+    bench = commands.add_parser("bench", help="measure speed")
+    kinds = bench.add_subparsers(required=True, metavar="KIND")
+    speed = kinds.add_parser("speed", help="simulations, wavelet images and training per second")
+    speed.add_argument("--no-cnn", action="store_true", help="leave out the epoch of the network")
+    speed.set_defaults(
+        command=_bench_speed,
+        default_out="errorscreen-bench",
+        interrupted="Nothing was written; start it again.",
+    )
+    for command in (demo, run, speed):
+        command.add_argument("--out", metavar="DIR", help="folder for result.json and the report")
+    for command in (demo, run):
+        command.add_argument("--fresh", action="store_true", help="forget the stages of earlier runs in DIR")
+        command.add_argument("--quiet", action="store_true", help="no progress")
+    return parser
+
+
+def _demo(options: argparse.Namespace, out: str) -> None:
+    from errorscreen.workflow.demo import demo_study
+
+    if options.seed < 0:
+        raise InputError(f"the seed is {options.seed}", where="--seed", allowed="a whole number >= 0")
+    _study(lambda: demo_study(options.seed), Path(out), options)
+
+
+def _run(options: argparse.Namespace, out: str | None) -> None:
+    from errorscreen.cases import load_case
+    from errorscreen.workflow import Study
+
+    case = load_case(options.case)
+    path = Path(options.case)
+    default = path.parent / case.run.out if case.run.out else Path(f"{path.stem}-results")
+    _study(lambda: Study.from_case(case), default if out is None else Path(out), options)
+
+
+def _bench_speed(options: argparse.Namespace, out: str) -> None:
+    from errorscreen.bench import speed
+
+    folder = _writable(Path(out))
+    speed(folder, lambda line: print(line, flush=True), cnn=not options.no_cnn)
+    print(f"Written: {folder / 'result.json'}, {folder / 'table.md'}")
+
+
+def _study(prepare: Callable[[], Any], out: Path, options: argparse.Namespace) -> None:
+    from errorscreen.workflow import run_study, write_outputs
+
+    _writable(out)
+    if options.fresh:
+        shutil.rmtree(out / "stages", ignore_errors=True)
+    study = prepare()
+    show = not options.quiet
+    outcome = run_study(
+        study,
+        out,
+        progress=show,
+        report=lambda line: print(line, file=sys.stderr, flush=True) if show else None,
+    )
+    written = write_outputs(outcome, out)
+    print(f"{study.title}: {outcome.verdict.kind}\n{outcome.verdict.text}")
+    print("Written: " + ", ".join(str(path) for path in written))
+
+
+def _writable(folder: Path) -> Path:
+    """Make the folder, and see that it can be written to before the work begins."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise InputError(
+            f"the folder cannot be written: {error.strerror or error}",
+            where=f"output folder {folder}",
+            allowed="a folder that exists or can be made",
+            remedy="Give another one with --out",
+        ) from None
+    return folder
+
+
+def _show_warning(message: Any, category: type[Warning], *args: Any, **kwargs: Any) -> None:
+    print(f"note: {message}", file=sys.stderr)

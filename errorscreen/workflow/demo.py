@@ -1,0 +1,30 @@
+"""The study of the embedded example."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from errorscreen.cases.case_models import CalibrationSection, RunSection, ScreeningSection
+from errorscreen.cases.demo import demo_recordings
+from errorscreen.simulators import PlantSimulator
+from errorscreen.workflow.study import Study
+
+
+def demo_study(seed: int) -> Study:
+    """Synchronous machine with eight hidden deviations; small images, so that it ends in minutes on two cores.
+
+    Parameters
+    ----------
+    seed : int
+        Draws the hidden parameters and the noise; the methods have a seed of their own.
+    """
+    recording, held_out, truth = demo_recordings(seed)
+    simulator = PlantSimulator("synchronous_machine", recording)
+    sections = SimpleNamespace(
+        screening=ScreeningSection(samples=800, epochs=25, frequencies=32, columns=96, top_k=4),
+        calibration=CalibrationSection(),
+        run=RunSection(),
+    )
+    return Study.of(
+        f"Demo, seed {seed}: a synchronous machine", simulator, recording, held_out, sections, truth
+    )

@@ -1,0 +1,291 @@
+"""From the outcome of a study to ``result.json`` and ``report.html``."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Iterator
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+import errorscreen
+from errorscreen.features import CWTTransformer
+from errorscreen.plotting import plot_error_images, plot_intervals, plot_rankings, plot_responses
+from errorscreen.recordings import Observation
+from errorscreen.report import ReportFigure, Result, write_report, write_result
+from errorscreen.report.result_schema import (
+    Calibration,
+    CalibrationMethod,
+    ChannelData,
+    Diagnosis,
+    MethodFit,
+    ParameterResult,
+    RecordingData,
+    RecordingDiagnosis,
+    Run,
+    Screening,
+    ScreeningMethod,
+    diagnose_recording,
+    fit_of,
+)
+from errorscreen.report.result_schema import Study as StudyData
+from errorscreen.report.result_schema import Verdict as VerdictData
+from errorscreen.workflow.screen import selector
+from errorscreen.workflow.study import Calibrated, Outcome
+
+_PACKAGES = ("numpy", "scipy", "scikit-learn", "numba", "PyWavelets", "torch")
+#: rows and columns of the error images in the report
+_IMAGE = (64, 256)
+
+
+def write_outputs(outcome: Outcome, out: str | Path) -> tuple[Path, Path]:
+    """Write ``result.json`` and ``report.html`` into a folder, each complete or not at all.
+
+    Returns
+    -------
+    tuple of Path
+        The two files.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written to.
+    """
+    result = build_result(outcome)
+    out = Path(out)
+    return (
+        write_result(result, out / "result.json"),
+        write_report(result, figures(outcome), out / "report.html"),
+    )
+
+
+def build_result(outcome: Outcome) -> Result:
+    """What stands in ``result.json``."""
+    study = outcome.study
+    device = getattr(study.simulator, "device", None)
+    simulations = [*outcome.screened, *(c.meta["n_simulations"] for c in outcome.calibrated)]
+    return Result(
+        verdict=VerdictData(kind=outcome.verdict.kind, text=outcome.verdict.text),  # type: ignore[arg-type]
+        study=StudyData(
+            title=study.title,
+            device=device.name if device else type(study.simulator).__name__,
+            device_title=device.title if device else "",
+            base_mva=study.base_mva,
+            parameters=len(study.simulator.parameters),
+        ),
+        data=[_data(o, role) for o, role in _with_roles(outcome)],
+        diagnosis=Diagnosis(recordings=list(_diagnoses(outcome))),
+        screening=_screening(outcome),
+        calibration=Calibration(methods=[_calibration(c, outcome) for c in outcome.calibrated]),
+        run=Run(
+            version=errorscreen.__version__,
+            python=platform.python_version(),
+            packages=_versions(),
+            random_state=study.run.random_state,
+            n_jobs=study.run.n_jobs,
+            step=getattr(study.simulator, "step", None),
+            n_simulations=sum(s if isinstance(s, int) else s.n_simulations for s in simulations),
+            n_failed=sum(s.n_failed for s in outcome.screened)
+            + sum(c.meta["n_failed"] for c in outcome.calibrated),
+            seconds=outcome.seconds,
+            started=outcome.started,
+            reused=outcome.reused,
+        ),
+    )
+
+
+def figures(outcome: Outcome) -> Iterator[ReportFigure]:
+    """Figures of the report, in the order in which they stand there."""
+    best = outcome.best
+    for n, observation in enumerate(outcome.observations):
+        role = "fitted" if n == 0 else "not used for fitting"
+        responses = {"before": outcome.before[n], f"after ({best.label})": best.responses[n]}
+        yield ReportFigure(
+            "responses",
+            f"{observation.event.name} ({role}): measured against simulated before and after calibration.",
+            plot_responses(observation, responses),
+        )
+    yield _error_image(outcome)
+    names = outcome.study.simulator.parameters.names
+    yield ReportFigure(
+        "screening",
+        "Contribution of each parameter to the error by each screener, relative to its largest; selected ones dark.",
+        plot_rankings(
+            {s.method: dict(zip(names, s.contributions.tolist(), strict=True)) for s in outcome.screened},
+            selected={s.method: s.names for s in outcome.screened},
+        ),
+    )
+    for calibrated in outcome.calibrated:
+        if "intervals" in calibrated.arrays:
+            yield _interval_figure(calibrated, outcome)
+
+
+def _error_image(outcome: Outcome) -> ReportFigure:
+    """Wavelet energy of the error before and after, on the fitted recording."""
+    observation = outcome.study.observation
+    responses = {"before": outcome.before[0], f"after ({outcome.best.label})": outcome.best.responses[0]}
+    errors = {k: np.where(observation.mask, observation.values - y, 0.0) for k, y in responses.items()}
+    cwt = CWTTransformer(
+        sampling_period=observation.event.dt, n_frequencies=_IMAGE[0], n_columns=_IMAGE[1], energy="linear"
+    )
+    images = cwt.fit_transform(np.array(list(errors.values())))
+    return ReportFigure(
+        "errors",
+        f"{observation.event.name}: energy of the error over time and frequency. The dotted line marks the event, the "
+        "pale parts what the ends of the record distort.",
+        plot_error_images(
+            dict(zip(errors, images, strict=True)),
+            cwt.frequencies_,
+            cwt.times_ + observation.time[0],
+            observation.channels,
+            event_time=observation.event.start,
+            cone=cwt.cone_of_influence_,
+        ),
+    )
+
+
+def _interval_figure(calibrated: Calibrated, outcome: Outcome) -> ReportFigure:
+    space = outcome.study.simulator.parameters.subset(calibrated.names)
+    values = [calibrated.theta[outcome.study.simulator.parameters.index(n)] for n in calibrated.names]
+    level = 100 * outcome.study.calibration.level
+    return ReportFigure(
+        "calibration",
+        f"{calibrated.label}: values with {level:.0f} % intervals, as deviation from nominal, within their bounds.",
+        plot_intervals(
+            space.names,
+            space.nominal,
+            space.bounds,
+            values,
+            calibrated.arrays["intervals"],
+            identifiable=calibrated.arrays["identifiable"],
+            scales=space.scales,
+        ),
+    )
+
+
+def _with_roles(outcome: Outcome) -> list[tuple[Observation, Literal["fit", "held_out"]]]:
+    return [(o, "fit" if n == 0 else "held_out") for n, o in enumerate(outcome.observations)]
+
+
+def _data(observation: Observation, role: Literal["fit", "held_out"]) -> RecordingData:
+    return RecordingData(
+        name=observation.event.name,
+        role=role,
+        start=observation.time[0],
+        stop=observation.time[-1],
+        dt=observation.event.dt,
+        event_time=observation.event.start,
+        channels=[
+            ChannelData(name=name, unit=unit, noise=noise, missing=1 - mask.mean())
+            for name, unit, noise, mask in zip(
+                observation.channels, observation.units, observation.noise, observation.mask, strict=True
+            )
+        ],
+        assumptions=list(observation.assumptions),
+    )
+
+
+def _diagnoses(outcome: Outcome) -> Iterator[RecordingDiagnosis]:
+    for n, (observation, role) in enumerate(_with_roles(outcome)):
+        yield diagnose_recording(
+            observation.event.name,
+            role,
+            outcome.fits[n],
+            outcome.best.fits[n],
+            outcome.stages[n],
+            outcome.best.stages[n],
+        )
+
+
+def _screening(outcome: Outcome) -> Screening:
+    names = outcome.study.simulator.parameters.names
+    rule = selector(outcome.study.screening)
+    words = f"the {rule.k} largest" if hasattr(rule, "k") else f"above {rule.threshold:g} of the largest"
+    return Screening(
+        rule=words,
+        methods=[
+            ScreeningMethod(
+                method=s.method,
+                contributions=dict(zip(names, s.contributions.tolist(), strict=True)),
+                selected=list(s.names),
+                n_simulations=s.n_simulations,
+                n_failed=s.n_failed,
+                seconds=s.seconds,
+            )
+            for s in outcome.screened
+        ],
+    )
+
+
+def _calibration(calibrated: Calibrated, outcome: Outcome) -> CalibrationMethod:
+    meta = calibrated.meta
+    fits = [
+        MethodFit(
+            recording=observation.event.name,
+            role=role,
+            channel=before.channel,
+            unit=before.unit,
+            before=fit_of(before),
+            after=fit_of(after),
+        )
+        for (observation, role), befores, afters in zip(
+            _with_roles(outcome), outcome.fits, calibrated.fits, strict=True
+        )
+        for before, after in zip(befores, afters, strict=True)
+    ]
+    return CalibrationMethod(
+        method=calibrated.method,
+        label=calibrated.label,
+        parameters=_parameters(calibrated, outcome),
+        fits=fits,
+        groups=meta.get("groups", []),
+        level=outcome.study.calibration.level if "intervals" in calibrated.arrays else None,
+        converged=meta.get("converged"),
+        chi2_per_sample=meta.get("chi2_per_sample"),
+        n_simulations=meta["n_simulations"],
+        n_failed=meta["n_failed"],
+        seconds=meta["seconds"],
+    )
+
+
+def _parameters(calibrated: Calibrated, outcome: Outcome) -> list[ParameterResult]:
+    space = outcome.study.simulator.parameters
+    arrays: dict[str, Any] = calibrated.arrays
+    out = []
+    for k, name in enumerate(calibrated.names):
+        p = space[name]
+        extra: dict[str, Any] = {}
+        if "intervals" in arrays:
+            low, high = arrays["intervals"][k]
+            extra = {"low": low, "high": high, "identifiable": bool(arrays["identifiable"][k])}
+        value = float(calibrated.theta[space.index(name)])
+        margin = 1e-6 * (p.upper - p.lower)
+        out.append(
+            ParameterResult(
+                name=name,
+                symbol=p.symbol,
+                unit=p.unit,
+                description=p.description,
+                nominal=p.nominal,
+                lower=p.lower,
+                upper=p.upper,
+                scale=p.scale,
+                value=value,
+                at_bound=not p.lower + margin < value < p.upper - margin,
+                **extra,
+            )
+        )
+    return out
+
+
+def _versions() -> dict[str, str]:
+    """Versions of the libraries that decide the result, of those that are installed."""
+    found = {}
+    for name in _PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found
