@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
+from joblib import Parallel, delayed, effective_n_jobs
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
@@ -189,10 +189,14 @@ class CWTTransformer(TransformerMixin, BaseEstimator):
         columns = column_weights(n_times, self.n_columns, self.dtype)
         signal_bytes = self._bank.n_parts * self.n_frequencies * 2 * n_times * images.itemsize
         step = max(1, int(_BLOCK_BYTES / (n_channels * signal_bytes)))
-        Parallel(n_jobs=self.n_jobs, require="sharedmem")(
-            delayed(self._fill)(images[i : i + step], errors[i : i + step], columns)
-            for i in range(0, n, step)
-        )
+        starts = np.arange(0, n, step)
+
+        def fill(share: NDArray[np.int64]) -> None:
+            for i in share:
+                self._fill(images[i : i + step], errors[i : i + step], columns)
+
+        shares = np.array_split(starts, effective_n_jobs(self.n_jobs))
+        Parallel(n_jobs=self.n_jobs, require="sharedmem")(delayed(fill)(share) for share in shares)
         return images.reshape(n, -1) if self.output == "flat" else images
 
     def _fill(self, images: NDArray[Any], errors: NDArray[Any], columns: tuple[Any, Any]) -> None:
