@@ -9,12 +9,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen import signals
-from errorscreen.exceptions import DataWarning, InputError
+from errorscreen.exceptions import DataWarning, InputError, unknown_name
 
 #: In pu: what moves less is no event.
 LEAST_MOVE = 0.002
 #: In pu: what is plausible before an event.
 PLAUSIBLE_V, PLAUSIBLE_P = (0.5, 1.5), 2.0
+
+
+def check_extras(
+    values: Mapping[str, object], noise: Mapping[str, float], given: Mapping[str, float], where: str
+) -> None:
+    """Raise `InputError` where the noise of no channel is known, or a measured channel is also given."""
+    for name in noise:
+        if name not in values:
+            raise unknown_name(name, values, kind="channel", where=f"{where}, noise")
+    for name in given:
+        if name in values:
+            raise InputError(f"{name!r} is measured and given", where=where, allowed="one of them")
 
 
 def find_event(

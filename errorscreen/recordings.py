@@ -157,6 +157,7 @@ class Recording:
         _check_axes(t, arrays, where)
         if held not in ("drop", "keep"):
             raise unknown_name(str(held), ("drop", "keep"), kind="value of held", where=where)
+        preparation.check_extras(arrays, noise or {}, given or {}, where)
         notes = list(assumptions)
         start = preparation.find_event(t, arrays, event_time, notes, where)
         preparation.treat_held(arrays, held, notes)

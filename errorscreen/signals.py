@@ -258,7 +258,7 @@ def _first_outside(
     if len(x) < 2 * MIN_QUIET:
         return None
     n_sigma, fraction, least = width
-    size = max(2 * MIN_QUIET, len(x) // 100)
+    size = max(2 * MIN_QUIET, min(len(x) // 10, 20), len(x) // 100)
     first = None
     for _ in range(5):  # the band is drawn again from all readings before the instant it found
         centre = float(np.median(x[:size]))

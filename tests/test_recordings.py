@@ -152,6 +152,8 @@ def test_recordings_travel_to_workers():
         ({"noise": {"P": 0.0}}, "the noise of P is 0.0"),
         ({"event_time": 99.0}, "event_time is 99 s. Allowed: 0 to"),
         ({"event_time": 0.05}, r"3 samples lie before the event .* correct event_time"),
+        ({"noise": {"p": 0.1}}, "recording 'recording', noise: unknown channel 'p'"),
+        ({"given": {"P": 0.1}}, "'P' is measured and given. Allowed: one of them"),
         ({"held": "hold"}, "unknown value of held 'hold'"),
         ({"values": {"P": np.ones(300)}}, "no event was found"),
     ],

@@ -73,6 +73,13 @@ def test_a_step_is_found_at_its_sample(start, size, down, seed):
     assert signals.detect_event(TIME, {"V": values}) == TIME[start]
 
 
+def test_correlated_noise_is_no_event():
+    for seed in range(100):
+        noise = np.convolve(_noise(seed, 304), np.ones(5) / np.sqrt(5), "valid")
+        values = np.where(TIME < 1, 1.0, 0.8) + 0.006 * noise  # 30 dB
+        assert signals.detect_event(TIME, {"V": values}) == 1.0
+
+
 def test_the_earliest_channel_sets_the_event():
     early, late = np.where(TIME < 1, 1.0, 0.7), np.where(TIME < 2, 0.5, 0.2)
     assert signals.detect_event(TIME, {"P": late, "V": early}) == 1.0
