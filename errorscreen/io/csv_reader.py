@@ -131,10 +131,18 @@ def read_table(
     header = [cell.strip() for cell in next(reader)]
     _check_header(header, source)
     rows, numbers = [], []
-    for row in reader:
-        if any(cell.strip() for cell in row):
-            rows.append(_fitting(row, header, f"{source}, line {skip_rows + reader.line_num}", delimiter))
-            numbers.append(skip_rows + reader.line_num)
+    try:
+        for row in reader:
+            if any(cell.strip() for cell in row):
+                line = skip_rows + reader.line_num
+                rows.append(_fitting(row, header, f"{source}, line {line}", delimiter))
+                numbers.append(line)
+    except csv.Error as error:
+        raise InputError(
+            f"cannot be split into fields: {error}",
+            where=f"{source}, line {skip_rows + reader.line_num}",
+            remedy="Look for a quotation mark that is not closed",
+        ) from error
     if not rows:
         raise InputError("holds a header but no samples", where=source, allowed="rows of numbers below it")
     columns: dict[str, Any] = dict(zip(header, map(list, zip(*rows, strict=True)), strict=True))

@@ -80,6 +80,11 @@ FILES = {
         {},
         "line 62: the line has 2 fields, the header has 3. Complete or delete the line.",
     ),
+    "quotation mark that is not closed": (
+        edited(3, '0.05,"1.0,40') + "\n" + 20000 * "3.00,0.9,30\n",
+        {},
+        "cannot be split into fields: field larger than field limit (131072). Look for a quotation mark",
+    ),
     "all readings missing": (
         column_of(lambda k: "NaN"),
         {},
