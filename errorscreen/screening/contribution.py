@@ -56,9 +56,10 @@ class ContributionScreener(RegressorMixin, BaseEstimator):
         From errors (n, R, L) to contributions (n, m); `contribution_pipeline` where not given.
     parameter_names : sequence of m str, optional
         For `rank_names`; ``parameter_0`` and so on where not given.
-    noise : float or array-like of shape (R,), optional
-        Standard deviation of the measurement noise of each channel, in the channel's unit. Training errors get
-        white noise of this size, since simulated ones have none and measured ones do.
+    noise : float or array-like of shape (R,) or (R, L), optional
+        Standard deviation of the measurement noise of each channel, or of each sample of it (0 where nothing was
+        measured), in the channel's unit. Training errors get white noise of this size, since simulated ones have
+        none and measured ones do.
     n_copies : int, default 1
         With `noise`: how often each training error is used, with other noise each time.
     random_state : int, RandomState instance or None, default None
@@ -182,15 +183,15 @@ class ContributionScreener(RegressorMixin, BaseEstimator):
     def _add_noise(self, X: NDArray[Any], y: NDArray[Any], seed: int) -> tuple[NDArray[Any], NDArray[Any]]:
         """Repeat each sample with white noise, from one random stream for each sample."""
         copies = check_integer(self.n_copies, "n_copies")
-        n_channels = X.shape[1] if X.ndim == 3 else 1
+        shape = X.shape[1:] if X.ndim == 3 else (1, X.shape[1])
         noise = np.asarray(self.noise, dtype=float)
-        if noise.shape not in ((), (n_channels,)) or not np.all(np.isfinite(noise) & (noise >= 0)):
+        if noise.shape not in ((), shape[:1], shape) or not np.all(np.isfinite(noise) & (noise >= 0)):
             raise InputError(
                 f"noise is {self.noise!r}",
                 where=type(self).__name__,
-                allowed=f"a finite number >= 0 for each of {n_channels} channels",
+                allowed=f"a finite number >= 0 for each of {shape[0]} channels, or an array {shape}",
             )
-        scale = np.broadcast_to(noise, n_channels)[:, None] if X.ndim == 3 else noise
+        scale = np.broadcast_to(noise[:, None] if noise.ndim == 1 else noise, shape).reshape(X.shape[1:])
         streams = np.random.SeedSequence(seed).spawn(len(X))
         white = [np.random.default_rng(s).standard_normal((copies, *X.shape[1:])) for s in streams]
         return np.repeat(X, copies, axis=0) + np.concatenate(white) * scale, np.repeat(y, copies, axis=0)

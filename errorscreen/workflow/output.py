@@ -128,7 +128,11 @@ def _error_image(outcome: Outcome) -> ReportFigure:
     responses = {"before": outcome.before[0], f"after ({outcome.best.label})": outcome.best.responses[0]}
     errors = {k: np.where(observation.mask, observation.values - y, 0.0) for k, y in responses.items()}
     cwt = CWTTransformer(
-        sampling_period=observation.event.dt, n_frequencies=_IMAGE[0], n_columns=_IMAGE[1], energy="linear"
+        sampling_period=observation.event.dt,
+        n_frequencies=_IMAGE[0],
+        n_columns=_IMAGE[1],
+        energy="linear",
+        precision=15,
     )
     images = cwt.fit_transform(np.array(list(errors.values())))
     return ReportFigure(

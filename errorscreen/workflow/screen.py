@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen.cases.case_models import RunSection, ScreeningSection
-from errorscreen.features import ChannelScaler, CWTTransformer, ResponseErrorTransformer
+from errorscreen.features import ResponseErrorTransformer
 from errorscreen.generation import generate_dataset
 from errorscreen.metrics import ranking
 from errorscreen.recordings import Observation
@@ -21,6 +21,7 @@ from errorscreen.screening import (
     RelativeThresholdSelector,
     SensitivityScreener,
     TopKSelector,
+    contribution_pipeline,
 )
 from errorscreen.simulators.base import Simulator
 
@@ -94,21 +95,16 @@ def screen(
     return {"contributions": contributions}, meta
 
 
-def error_pipeline(observation: Observation, section: ScreeningSection, random_state: int) -> Any:
+def error_pipeline(
+    observation: Observation, section: ScreeningSection, random_state: int, verbose: bool
+) -> Any:
     """Images, scaling and network for errors on the time grid of an observation."""
-    from sklearn.pipeline import make_pipeline
-
-    from errorscreen.regressors import CNNContributionRegressor
-
-    return make_pipeline(
-        CWTTransformer(
-            sampling_period=observation.event.dt,
-            signed=True,
-            n_frequencies=section.frequencies,
-            n_columns=section.columns,
-        ),
-        ChannelScaler(),
-        CNNContributionRegressor(max_epochs=section.epochs, random_state=random_state, verbose=True),
+    pipeline = contribution_pipeline(observation.event.dt, random_state)
+    return pipeline.set_params(
+        cwttransformer__n_frequencies=section.frequencies,
+        cwttransformer__n_columns=section.columns,
+        cnncontributionregressor__max_epochs=section.epochs,
+        cnncontributionregressor__verbose=verbose,
     )
 
 
@@ -134,10 +130,11 @@ def _network(
     error = ResponseErrorTransformer(dataset.baseline, missing="zero").fit(usable.responses)
     training = error.transform(usable.responses)
     training[:, ~observation.mask] = 0.0  # what was not measured must not be learned from
-    pipeline = error_pipeline(observation, section, run.random_state)
-    pipeline[-1].set_params(verbose=progress)
     screener = ContributionScreener(
-        pipeline, simulator.parameters.names, noise=observation.noise, random_state=run.random_state
+        error_pipeline(observation, section, run.random_state, progress),
+        simulator.parameters.names,
+        noise=np.where(observation.mask, observation.noise[:, None], 0.0),
+        random_state=run.random_state,
     )
     screener.fit(training, usable.contributions)
     measured = error.transform(observation.values[None])

@@ -154,6 +154,19 @@ class Remember(LinearRegression):
         return super().fit(X.reshape(len(X), -1), y)
 
 
+def test_noise_can_differ_from_sample_to_sample():
+    errors, contributions = np.zeros((4, 2, 10)), np.ones((4, 3))
+    noise = np.ones((2, 10))
+    noise[1, 3:6] = 0.0  # nothing was measured there
+    seen = (
+        ContributionScreener(Remember(), noise=noise, random_state=0)
+        .fit(errors, contributions)
+        .estimator_.seen_
+    )
+    assert np.all(seen[:, 1, 3:6] == 0)
+    assert np.all(seen[:, 0] != 0)
+
+
 def test_noise_is_added_to_the_training_errors_only():
     errors, contributions = dataset(400, 6)
     noise = np.array([0.02, 0.5])
