@@ -158,11 +158,8 @@ def test_noise_can_differ_from_sample_to_sample():
     errors, contributions = np.zeros((4, 2, 10)), np.ones((4, 3))
     noise = np.ones((2, 10))
     noise[1, 3:6] = 0.0  # nothing was measured there
-    seen = (
-        ContributionScreener(Remember(), noise=noise, random_state=0)
-        .fit(errors, contributions)
-        .estimator_.seen_
-    )
+    screener = ContributionScreener(Remember(), noise=noise, random_state=0).fit(errors, contributions)
+    seen = screener.estimator_.seen_[0]
     assert np.all(seen[:, 1, 3:6] == 0)
     assert np.all(seen[:, 0] != 0)
 
