@@ -70,6 +70,7 @@ def test_every_section_is_there():
         "Determined only together, so single values must not be read: Xd, Xd1.",
         "trip: the sign of P was turned.",
         "25 %",
+        "second trip, held out P (pu) 1 0.2 (−80 %) 0.2 (−80 %)",
         "1234, 5 of them failed",
         "Figure of responses.",
         "Selected: the largest contribution.",
