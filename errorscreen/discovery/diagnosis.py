@@ -150,12 +150,12 @@ def stage_errors(observation: Observation, responses: ArrayLike) -> list[StageEr
     for r in np.flatnonzero(observation.mask.any(axis=1)):
         total = float(np.nansum(errors[r] ** 2))
         for stage, start, stop in zip(STAGES, limits[:-1], limits[1:], strict=True):
-            last = stage == STAGES[-1]
+            last = stop == limits[-1]
             part = (observation.time >= start) & (
                 (observation.time <= stop) if last else (observation.time < stop)
             )
             part &= observation.mask[r]
-            if not part.any():
+            if start == stop or not part.any():  # the record ends before
                 continue
             energy = float(np.sum(errors[r, part] ** 2))
             out.append(
@@ -234,7 +234,7 @@ def judge(observations: Sequence[Observation], before: Sequence[ArrayLike], cali
         f"No values of these parameters inside their bounds reproduce the recording. {figures}. Calibration removes "
         f"{100 * share:.0f} % of the weighted squared error; the rest is not parameters of this model, but its "
         f"cause is not named here. Calibrated values then also make up for what the model lacks and must not be taken "
-        f"for measured ones.{pressed}",
+        f"for measured ones; the rankings assume that parameters carry the error.{pressed}",
     )
 
 

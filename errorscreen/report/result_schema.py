@@ -132,6 +132,10 @@ class ScreeningMethod(Part):
     method: str
     contributions: dict[str, Number]
     selected: list[str] = Field(description="the most suspicious first")
+    overlap: Number = Field(
+        default=None,
+        description="part of the selection that belongs to the largest true contributions, if known",
+    )
     n_simulations: int = 0
     n_failed: int = 0
     seconds: Number = None
@@ -139,6 +143,11 @@ class ScreeningMethod(Part):
 
 class Screening(Part):
     """Which parameters carry the error."""
+
+    truth: dict[str, Number] | None = Field(
+        default=None,
+        description="true contributions, where the recording was simulated with known parameters",
+    )
 
     rule: str = Field(description="what was selected, in words, for example 'the 3 largest'")
     methods: list[ScreeningMethod]
@@ -156,6 +165,7 @@ class ParameterResult(Part):
     upper: Number
     scale: Number = None
     value: Number
+    truth: Number = Field(default=None, description="true value, where the recording was simulated")
     low: Number = Field(default=None, description="lower end of the interval")
     high: Number = Field(default=None, description="upper end of the interval")
     at_bound: bool | None = None

@@ -71,7 +71,10 @@ def playback_observation(
             initial[name] = source.initial([name])[name]
         elif name in given:
             initial[name] = float(given[name])
-            notes.append(f"{name} was not recorded before the event; it is taken as {initial[name]:g} pu.")
+            if name not in source.given:  # else the recording says so itself
+                notes.append(
+                    f"{name} was not recorded before the event; it is taken as {initial[name]:g} pu."
+                )
         else:
             raise InputError(
                 f"{name} before the event is unknown: it was not recorded",

@@ -5,13 +5,16 @@ from __future__ import annotations
 import platform
 from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, version
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 import errorscreen
 from errorscreen.features import CWTTransformer
+from errorscreen.metrics import top_k_overlap
 from errorscreen.plotting import plot_error_images, plot_intervals, plot_rankings, plot_responses
 from errorscreen.recordings import Observation
 from errorscreen.report import ReportFigure, Result, write_report, write_result
@@ -73,9 +76,10 @@ def build_result(outcome: Outcome) -> Result:
             device=device.name if device else type(study.simulator).__name__,
             device_title=device.title if device else "",
             base_mva=study.base_mva,
+            f_nominal=study.f_nominal,
             parameters=len(study.simulator.parameters),
         ),
-        data=[_data(o, role) for o, role in _with_roles(outcome)],
+        data=[_data(o, role, path) for (o, role), path in zip_longest(_with_roles(outcome), study.paths)],
         diagnosis=Diagnosis(recordings=list(_diagnoses(outcome))),
         screening=_screening(outcome),
         calibration=Calibration(methods=[_calibration(c, outcome) for c in outcome.calibrated]),
@@ -108,14 +112,13 @@ def figures(outcome: Outcome) -> Iterator[ReportFigure]:
             plot_responses(observation, responses),
         )
     yield _error_image(outcome)
-    names = outcome.study.simulator.parameters.names
+    rankings = {s.method: _named(outcome, s.contributions) for s in outcome.screened}
+    if outcome.true_contributions is not None:
+        rankings["truth"] = _named(outcome, outcome.true_contributions)
     yield ReportFigure(
         "screening",
         "Contribution of each parameter to the error by each screener, relative to its largest; selected ones dark.",
-        plot_rankings(
-            {s.method: dict(zip(names, s.contributions.tolist(), strict=True)) for s in outcome.screened},
-            selected={s.method: s.names for s in outcome.screened},
-        ),
+        plot_rankings(rankings, selected={s.method: s.names for s in outcome.screened}),
     )
     for calibrated in outcome.calibrated:
         if "intervals" in calibrated.arrays:
@@ -137,7 +140,7 @@ def _error_image(outcome: Outcome) -> ReportFigure:
     images = cwt.fit_transform(np.array(list(errors.values())))
     return ReportFigure(
         "errors",
-        f"{observation.event.name}: energy of the error over time and frequency. The dotted line marks the event, the "
+        f"{observation.event.name}: energy of the error over time and frequency. The dashed line marks the event, the "
         "pale parts what the ends of the record distort.",
         plot_error_images(
             dict(zip(errors, images, strict=True)),
@@ -169,14 +172,20 @@ def _interval_figure(calibrated: Calibrated, outcome: Outcome) -> ReportFigure:
     )
 
 
+def _named(outcome: Outcome, values: NDArray[np.float64]) -> dict[str, Any]:
+    """Values of all parameters by name."""
+    return dict(zip(outcome.study.simulator.parameters.names, values.tolist(), strict=True))
+
+
 def _with_roles(outcome: Outcome) -> list[tuple[Observation, Literal["fit", "held_out"]]]:
     return [(o, "fit" if n == 0 else "held_out") for n, o in enumerate(outcome.observations)]
 
 
-def _data(observation: Observation, role: Literal["fit", "held_out"]) -> RecordingData:
+def _data(observation: Observation, role: Literal["fit", "held_out"], path: str | None) -> RecordingData:
     return RecordingData(
         name=observation.event.name,
         role=role,
+        path=path,
         start=observation.time[0],
         stop=observation.time[-1],
         dt=observation.event.dt,
@@ -204,16 +213,22 @@ def _diagnoses(outcome: Outcome) -> Iterator[RecordingDiagnosis]:
 
 
 def _screening(outcome: Outcome) -> Screening:
-    names = outcome.study.simulator.parameters.names
+    truth = outcome.true_contributions
     rule = selector(outcome.study.screening)
-    words = f"the {rule.k} largest" if hasattr(rule, "k") else f"above {rule.threshold:g} of the largest"
+    words = (
+        f"the {rule.k} largest" if hasattr(rule, "k") else f"those above {rule.threshold:g} of the largest"
+    )
     return Screening(
         rule=words,
+        truth=None if truth is None else _named(outcome, truth),
         methods=[
             ScreeningMethod(
                 method=s.method,
-                contributions=dict(zip(names, s.contributions.tolist(), strict=True)),
+                contributions=_named(outcome, s.contributions),
                 selected=list(s.names),
+                overlap=None
+                if truth is None
+                else top_k_overlap(truth[None], s.contributions[None], k=len(s.names)),
                 n_simulations=s.n_simulations,
                 n_failed=s.n_failed,
                 seconds=s.seconds,
@@ -257,6 +272,7 @@ def _calibration(calibrated: Calibrated, outcome: Outcome) -> CalibrationMethod:
 def _parameters(calibrated: Calibrated, outcome: Outcome) -> list[ParameterResult]:
     space = outcome.study.simulator.parameters
     arrays: dict[str, Any] = calibrated.arrays
+    truth = outcome.study.truth
     out = []
     for k, name in enumerate(calibrated.names):
         p = space[name]
@@ -277,6 +293,7 @@ def _parameters(calibrated: Calibrated, outcome: Outcome) -> list[ParameterResul
                 upper=p.upper,
                 scale=p.scale,
                 value=value,
+                truth=None if truth is None else truth[name],
                 at_bound=not p.lower + margin < value < p.upper - margin,
                 **extra,
             )

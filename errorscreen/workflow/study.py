@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from time import perf_counter
@@ -18,6 +18,7 @@ from errorscreen.cases.case_models import CalibrationSection, RunSection, Screen
 from errorscreen.checkpoint import digest
 from errorscreen.discovery import ChannelFit, StageError, Verdict, channel_fits, stage_errors
 from errorscreen.exceptions import SimulationError
+from errorscreen.generation import local_sensitivity
 from errorscreen.recordings import Observation, Recording
 from errorscreen.simulators import PlantSimulator
 from errorscreen.simulators.base import Simulator
@@ -38,12 +39,14 @@ class Study:
         The recording that is fitted.
     held_out : tuple of Observation
         Recordings that are only judged on.
-    base_mva : float
-        What 1 pu of P and Q is.
+    base_mva, f_nominal : float
+        What 1 pu of P and Q is, and the nominal frequency in Hz.
     screening, calibration, run
         Sections of a case file.
     truth : mapping of str to float, optional
         Hidden parameters, where they are known (the demo).
+    paths : tuple of str
+        Files of the recordings, the fitted one first; empty where there are none.
     """
 
     title: str
@@ -51,10 +54,12 @@ class Study:
     observation: Observation
     held_out: tuple[Observation, ...]
     base_mva: float
+    f_nominal: float
     screening: ScreeningSection
     calibration: CalibrationSection
     run: RunSection
     truth: Mapping[str, float] | None = None
+    paths: tuple[str, ...] = ()
 
     @classmethod
     def from_case(cls, case: Case) -> Study:
@@ -66,7 +71,6 @@ class Study:
             If a recording cannot be used, or lacks what the device needs.
         """
         recording = case.load_recording()
-        stated = {role: c.value for role, c in case.recording.columns.items() if c.value is not None}
         simulator = PlantSimulator(
             case.device.type,
             recording,
@@ -74,9 +78,9 @@ class Study:
             constants=case.device.constants,
             step=case.simulation.step,
             dt=case.simulation.dt,
-            operating_point=stated,
         )
-        return cls.of(case.title, simulator, recording, case.load_held_out(), case)
+        study = cls.of(case.title, simulator, recording, case.load_held_out(), case)
+        return replace(study, paths=tuple(section.path for section in (case.recording, *case.held_out)))
 
     @classmethod
     def of(
@@ -95,6 +99,7 @@ class Study:
             simulator.observe(recording),
             tuple(simulator.observe(r) for r in held_out),
             recording.base_mva,
+            recording.f_nominal,
             sections.screening,
             sections.calibration,
             sections.run,
@@ -185,6 +190,16 @@ class Outcome:
     seconds: float
     started: str
     reused: list[str]
+
+    @property
+    def true_contributions(self) -> NDArray[np.float64] | None:
+        """Contributions (14) at the true parameters, shape (m,), where those are known."""
+        if self.study.truth is None:
+            return None
+        simulator = self.study.simulator
+        theta = np.array([self.study.truth[name] for name in simulator.parameters.names])
+        sensitivity = local_sensitivity(simulator, theta, self.study.observation.event).values[0]
+        return simulator.parameters.deviation(theta)[0] * sensitivity
 
     @property
     def best(self) -> Calibrated:

@@ -86,3 +86,12 @@ def test_a_hidden_exciter_is_not_called_parameters(seed):
 def test_noise_limit_falls_with_the_number_of_values():
     _, observation, _ = setting(0)
     assert 1.0 < noise_limit([observation] * 4) < noise_limit([observation])
+
+
+def test_a_record_that_ends_early_has_fewer_stages():
+    recording, _, _ = demo_recordings(0)
+    simulator = PlantSimulator("synchronous_machine", recording.window(0, 2.5))
+    observation = simulator.observe(recording.window(0, 2.5))
+    stages = [s for s in stage_errors(observation, simulator.baseline()) if s.channel == "P"]
+    assert [s.stage for s in stages] == list(STAGES[:4])
+    assert np.isclose(sum(s.share for s in stages), 1)

@@ -1,0 +1,107 @@
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from errorscreen.cases.case_models import CalibrationSection, RunSection, ScreeningSection
+from errorscreen.cases.demo import demo_recordings
+from errorscreen.screening import RelativeThresholdSelector, TopKSelector
+from errorscreen.simulators import PlantSimulator
+from errorscreen.workflow import Study, build_result, run_study
+from errorscreen.workflow.demo import demo_study
+from errorscreen.workflow.screen import selector
+
+QUICK = SimpleNamespace(
+    screening=ScreeningSection(methods=["sensitivity", "random"], top_k=3),
+    calibration=CalibrationSection(library=256, starts=4),
+    run=RunSection(),
+)
+
+
+def quick_study(seed=0, sections=QUICK, **options):
+    recording, held_out, truth = demo_recordings(seed)
+    simulator = PlantSimulator("synchronous_machine", recording, **options)
+    return Study.of("quick", simulator, recording, held_out, sections, truth)
+
+
+@pytest.fixture(scope="module")
+def outcome(tmp_path_factory):
+    return run_study(quick_study(), tmp_path_factory.mktemp("out"))
+
+
+def test_the_fingerprint_knows_everything_the_result_depends_on():
+    base = quick_study()
+    others = [
+        quick_study(seed=1),
+        quick_study(step=0.001),
+        quick_study(constants={"Ra": 0.01}),
+        replace(base, calibration=CalibrationSection(level=0.5)),
+        replace(base, screening=ScreeningSection(top_k=2)),
+        replace(base, run=RunSection(random_state=1)),
+        replace(base, held_out=()),
+        replace(base, simulator=base.simulator.extend("exciter")),
+        replace(base, simulator=base.simulator.with_nominal(base.simulator.parameters.nominal * 1.01)),
+    ]
+    prints = [s.fingerprint() for s in (base, *others)]
+    assert len(set(prints)) == len(prints)
+    assert quick_study().fingerprint() == prints[0]
+    assert replace(base, run=RunSection(n_jobs=2)).fingerprint() == prints[0]
+
+
+def test_held_out_recordings_are_judged_on_and_not_fitted(outcome, tmp_path):
+    alone = run_study(replace(outcome.study, held_out=()), tmp_path)
+    assert np.array_equal(alone.best.theta, outcome.best.theta)
+    assert len(outcome.best.fits) == 3
+    assert len(alone.best.fits) == 1
+    # the truth has the model's structure, so what was learned from one event holds for the others
+    for before, after in zip(outcome.fits[1:], outcome.best.fits[1:], strict=True):
+        for one, two in zip(before, after, strict=True):
+            assert two.E < 0.1 * one.E
+
+
+def test_what_is_reported_is_what_was_simulated(outcome):
+    result = build_result(outcome)
+    study = outcome.study
+    y = study.simulator.simulate(outcome.best.theta, study.observation.event).values[0]
+    error = (y - study.observation.values)[0, study.observation.time >= study.observation.event.start - 1e-9]
+    first = result.calibration.methods[0].fits[0]
+    assert (first.recording, first.role, first.channel) == ("fault near the terminal", "fit", "P")
+    assert np.isclose(first.after.rms, np.sqrt(np.mean(error**2)))
+    assert result.diagnosis.recordings[0].channels[0].after.rms == first.after.rms
+    assert [r.role for r in result.data] == ["fit", "held_out", "held_out"]
+    assert result.study.f_nominal == 60
+    assert result.verdict.kind == "parameters"
+
+
+def test_truth_and_overlap_are_reported_where_the_truth_is_known(outcome):
+    result = build_result(outcome)
+    true = result.screening.truth
+    largest = sorted(true, key=true.get, reverse=True)[:3]
+    for method in result.screening.methods:
+        assert np.isclose(method.overlap, len(set(method.selected) & set(largest)) / 3)
+    for parameter in result.calibration.methods[0].parameters:
+        assert parameter.truth == outcome.study.truth[parameter.name]
+    unknown = build_result(replace(outcome, study=replace(outcome.study, truth=None)))
+    assert unknown.screening.truth is None
+    assert unknown.screening.methods[0].overlap is None
+
+
+def test_selection_rules():
+    assert isinstance(selector(ScreeningSection(top_k=2)), TopKSelector)
+    assert isinstance(selector(ScreeningSection(threshold=0.3)), RelativeThresholdSelector)
+    assert selector(ScreeningSection()).threshold == 0.1
+
+
+def test_a_verdict_does_not_need_map_among_the_calibrators(tmp_path):
+    sections = SimpleNamespace(
+        **{**vars(QUICK), "calibration": CalibrationSection(methods=["pso"], particles=5, iterations=3)}
+    )
+    outcome = run_study(quick_study(sections=sections), tmp_path)
+    assert [c.label for c in outcome.calibrated] == ["pso on sensitivity", "pso on random"]
+    assert outcome.verdict.kind == "parameters"
+
+
+def test_the_demo_hides_other_parameters_for_each_seed():
+    truths = [demo_study(seed).truth for seed in (0, 1)]
+    assert all(truths[0][name] != truths[1][name] for name in truths[0])
