@@ -35,14 +35,14 @@ from errorscreen.engine.rk4 import correct, load, predict, store
 {compiled}
 
 
-@numba.njit(error_model="numpy", nogil=True)
-def evaluate(b, u, on):
+@numba.njit(error_model="numpy", forceinline=True)
+def evaluate(b, u, j, on):
 {inputs}
 {evaluate}
 
 
-@numba.njit(error_model="numpy", nogil=True)
-def sample(b, u, on):
+@numba.njit(error_model="numpy", forceinline=True)
+def sample(b, u, j, on):
 {inputs}
 {sample}
 
@@ -58,18 +58,18 @@ def integrate(x0, constants, memories, u, h, every, spans, active_spans, rows, s
         load(b, constants, block, {lanes}, {constants})
         load(b, memories, block, {lanes}, {memories})
         for step in range(u.shape[0] // 2 + 1):
-            evaluate(b, u[2 * step], on)
-            sample(b, u[2 * step], on)
+            evaluate(b, u, 2 * step, on)
+            sample(b, u, 2 * step, on)
             if step % every == 0:
                 store(out, b, block, {lanes}, rows, step // every)
             if 2 * step + 1 == u.shape[0]:
                 break
             predict(b, spans, active, {lanes}, {shift}, 0.5 * h, 1.0, True)
-            evaluate(b, u[2 * step + 1], on)
+            evaluate(b, u, 2 * step + 1, on)
             predict(b, spans, active, {lanes}, {shift}, 0.5 * h, 2.0, False)
-            evaluate(b, u[2 * step + 1], on)
+            evaluate(b, u, 2 * step + 1, on)
             predict(b, spans, active, {lanes}, {shift}, h, 2.0, False)
-            evaluate(b, u[2 * step + 2], on)
+            evaluate(b, u, 2 * step + 2, on)
             correct(b, spans, active, {lanes}, {shift}, h)
 '''
 
@@ -140,7 +140,7 @@ def source(model: Model, lanes: int) -> str:
         name=model.name,
         imports=imports,
         compiled=compiled,
-        inputs="\n".join(f"    u{i} = u[{i}]" for i in range(len(model.inputs))) or "    pass",
+        inputs="\n".join(f"    u{i} = u[j, {i}]" for i in range(len(model.inputs))) or "    pass",
         evaluate="\n".join(loops[False]) or "    pass",
         sample="\n".join(loops[True]) or "    pass",
         size=layout.size * lanes,

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numba
 
 
-@numba.njit(error_model="numpy", nogil=True)
+@numba.njit(error_model="numpy", forceinline=True)
 def load(b, values, block, lanes, first_row):
     """Copy per-simulation values (n, rows) of a block into the buffer; the last one fills spare lanes."""
     n, rows = values.shape
@@ -24,7 +24,7 @@ def load(b, values, block, lanes, first_row):
             b[(first_row + r) * lanes + k] = values[i, r]
 
 
-@numba.njit(error_model="numpy", nogil=True)
+@numba.njit(error_model="numpy", forceinline=True)
 def store(out, b, block, lanes, rows, column):
     """Copy recorded rows of a block to ``out[simulation, row, column]``."""
     n = out.shape[0]
@@ -33,7 +33,7 @@ def store(out, b, block, lanes, rows, column):
             out[block * lanes + k, r, column] = b[rows[r] * lanes + k]
 
 
-@numba.njit(error_model="numpy", nogil=True)
+@numba.njit(error_model="numpy", forceinline=True)
 def predict(b, spans, active, lanes, shift, h, weight, first):
     """After an evaluation: add ``weight * f`` to the sum and set the state to ``x_k + h * f``.
 
@@ -53,7 +53,7 @@ def predict(b, spans, active, lanes, shift, h, weight, first):
                 b[i] = b[i + 2 * size] + h * f
 
 
-@numba.njit(error_model="numpy", nogil=True)
+@numba.njit(error_model="numpy", forceinline=True)
 def correct(b, spans, active, lanes, shift, h):
     """After the fourth evaluation: the new state."""
     size = shift * lanes
