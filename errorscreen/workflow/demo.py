@@ -11,7 +11,7 @@ from errorscreen.workflow.study import Study
 
 
 def demo_study(seed: int) -> Study:
-    """Synchronous machine with eight hidden deviations; small images, so that it ends in minutes on two cores.
+    """Synchronous machine with eight hidden deviations; few epochs, so that it ends in minutes on two cores.
 
     Parameters
     ----------
@@ -21,7 +21,7 @@ def demo_study(seed: int) -> Study:
     recording, held_out, truth = demo_recordings(seed)
     simulator = PlantSimulator("synchronous_machine", recording)
     sections = SimpleNamespace(
-        screening=ScreeningSection(samples=800, epochs=25, frequencies=32, columns=96, top_k=4),
+        screening=ScreeningSection(samples=600, epochs=25, top_k=4),
         calibration=CalibrationSection(),
         run=RunSection(),
     )
