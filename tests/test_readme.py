@@ -29,11 +29,11 @@ def folder(tmp_path, monkeypatch):
 
 def test_the_python_example_runs(folder, capsys):
     pytest.importorskip("torch")
-    code = (
-        block("python").replace("1000", "40").replace("random_state=0)       #", "random_state=0)[:]       #")
-    )
-    small = ".set_params(cwttransformer__n_frequencies=8, cwttransformer__n_columns=16, "
-    code = code.replace("[:]       #", f"{small}cnncontributionregressor__max_epochs=1)  #")
+    network = "contribution_pipeline(measured.event.dt, random_state=0)"
+    small = "cwttransformer__n_frequencies=8, cwttransformer__n_columns=16, cnncontributionregressor__max_epochs=1"
+    code = block("python")
+    assert network in code
+    code = code.replace(network, f"{network}.set_params({small})").replace("1000", "40")  # in seconds
     (folder / "example.py").write_text(code)
     runpy.run_path(str(folder / "example.py"))
     printed = capsys.readouterr().out
