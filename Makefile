@@ -3,7 +3,7 @@ PYTHON ?= python3
 DEMO_OUT ?= errorscreen-demo
 PIP_INSTALL = -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: demo test lint check clean
+.PHONY: demo test lint check docs clean
 
 demo: .venv/installed
 	.venv/bin/errorscreen demo --out $(DEMO_OUT)
@@ -17,7 +17,7 @@ test: lint check
 
 .venv-test/installed: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv-test
-	.venv-test/bin/python $(PIP_INSTALL) --editable ".[test]"
+	.venv-test/bin/python $(PIP_INSTALL) --editable ".[test,docs]"
 	touch $@
 
 lint: .venv-test/installed
@@ -28,5 +28,8 @@ lint: .venv-test/installed
 check: .venv-test/installed
 	.venv-test/bin/pytest --numprocesses auto --dist loadfile
 
+docs: .venv-test/installed
+	.venv-test/bin/sphinx-build -W --keep-going --quiet docs docs/_build/html
+
 clean:
-	rm -rf .venv .venv-test $(DEMO_OUT) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf .venv .venv-test $(DEMO_OUT) build dist docs/_build docs/_generated docs/gallery docs/api/generated .pytest_cache .mypy_cache .ruff_cache .hypothesis

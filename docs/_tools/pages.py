@@ -1,0 +1,174 @@
+"""Pages of the documentation that are computed or read off the package, so that nothing is typed twice."""
+
+import contextlib
+import io
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+
+from errorscreen.bench import dip_event
+from errorscreen.cases import case_reference
+from errorscreen.cli import main
+from errorscreen.effects import LIBRARY
+from errorscreen.io.units import UNITS
+from errorscreen.power import DEVICES
+from errorscreen.sampling import latin_hypercube
+from errorscreen.simulators import PlantSimulator
+from errorscreen.simulators.base import REMEDIES, Status
+
+DOCS = Path(__file__).parents[1]
+#: step in ms that others are compared with, and those that are compared
+FINE, STEPS = 0.25, (10.0, 5.0, 2.5, 1.0)
+PARAMETER_HEADER = ("name", "symbol", "unit", "typical", "bounds", "meaning")
+
+
+def write_all(folder):
+    """Write every page that differs from what is there."""
+    folder.mkdir(exist_ok=True)
+    texts = {f"{name}.md": device_page(device) for name, device in DEVICES.items()}
+    texts |= {
+        "steps.md": step_errors(),
+        "effects.md": effect_table(),
+        "case_keys.md": case_reference(),
+        "commands.md": commands(),
+        "units.md": unit_table(),
+        "status.md": status_table(),
+        "result.md": result_table(),
+        "speed.md": speed_table(),
+    }
+    for name, text in texts.items():
+        path = folder / name
+        if not path.exists() or path.read_text(encoding="utf-8") != text:
+            path.write_text(text, encoding="utf-8")
+
+
+def table(header, rows):
+    """Markdown table; bars in cells are escaped."""
+    lines = [header, ["---"] * len(header), *rows]
+    return (
+        "\n".join("| " + " | ".join(str(c).replace("|", "\\|") for c in line) + " |" for line in lines) + "\n"
+    )
+
+
+def math(symbol):
+    """Symbol of a parameter for MathJax: everything behind an underscore is one index."""
+    return "$" + re.sub(r"_([\w,]+)", r"_{\1}", symbol) + "$"
+
+
+def parameter_cells(name, p):
+    """Row of a table of parameters."""
+    bounds = f"{p.lower:g} to {p.upper:g}"
+    return f"`{name}`", math(p.symbol), p.unit, f"{p.nominal:g}", bounds, p.description
+
+
+def device_page(device):
+    """Tables of one device: candidates with what they move, constants, ports, effects."""
+    change = parameter_effects(device)
+    candidates = [
+        (*parameter_cells(p.name, p), *(f"{1e3 * value:.2f}" for value in change[p.name]))
+        for p in device.candidates
+    ]
+    constants = [(f"`{c.name}`", c.unit, f"{c.value:g}", c.description) for c in device.constants]
+    ports = [*device.ports.items(), *((f"channel.{n}", f"measured {n}, in pu") for n in device.outputs)]
+    fitting = {e.port: e.name for e in LIBRARY.get(device.name, ())}
+    rows = [(f"`{name}`", text, f"`{fitting[name]}`" if name in fitting else "") for name, text in ports]
+    return "\n".join(
+        [
+            "## Candidate parameters\n",
+            "What can be screened and calibrated. The last two columns are the rms changes of P and Q, in 10⁻³ pu, "
+            "when the parameter is 10 % above its typical value and a dip of the voltage to 0.45 pu is played back for "
+            "5 s.\n",
+            table((*PARAMETER_HEADER, "P moves by", "Q moves by"), candidates),
+            "## Other constants\n",
+            "Stated in a case file or with `constants=`; never calibrated.\n",
+            table(("name", "unit", "value", "meaning"), constants),
+            "## Ports\n",
+            "Where an effect may act, and the effect of the library that acts there.\n",
+            table(("port", "quantity", "effect"), rows),
+            f"States: {', '.join(f'`{s}`' for s in device.states)}. Source: {device.source}.\n",
+        ]
+    )
+
+
+def parameter_effects(device):
+    """Rms change of P and Q in pu for each parameter at 1.1 times nominal."""
+    plant = PlantSimulator(device, dip_event())
+    nominal = plant.parameters.nominal
+    rows = np.vstack([nominal, nominal + np.diag(0.1 * nominal)])
+    values = plant.simulate(rows).require_ok().values
+    rms = np.sqrt(np.mean((values[1:] - values[0]) ** 2, axis=-1))
+    return dict(zip(plant.parameters.names, rms, strict=True))
+
+
+def step_errors():
+    """Largest error of P and Q by device and step, over the typical parameters and 31 draws inside the bounds."""
+    rows = []
+    for device in DEVICES.values():
+        plants = [PlantSimulator(device, dip_event(), step=step / 1e3) for step in (FINE, *STEPS)]
+        theta = latin_hypercube(device.candidates, 32, 0)
+        theta[0] = device.candidates.nominal
+        exact, *others = (plant.simulate(theta).require_ok(device.name) for plant in plants)
+        for r, channel in enumerate(exact.channels):
+            errors = [np.abs(y.values[:, r] - exact.values[:, r]).max(axis=-1) for y in others]
+            rows.append((f"`{device.name}`", channel, *(f"{np.max(e):.1e}" for e in errors)))
+    return table(("device", "channel", *(f"{step:g} ms" for step in STEPS)), rows)
+
+
+def effect_table():
+    """Effects of the library with the devices they fit."""
+    effects = {effect.name: effect for library in LIBRARY.values() for effect in library}
+    text = []
+    for effect in effects.values():
+        devices = [
+            f"`{name}`" for name, library in LIBRARY.items() if effect.name in {e.name for e in library}
+        ]
+        parameters = [parameter_cells(effect.local(p.name), p) for p in effect.parameters]
+        text += [
+            f"### `{effect.name}`: {effect.title}\n",
+            f"{effect.description} Acts on `{effect.port}` of {', '.join(devices)}. Easily confused with "
+            f"{'; '.join(effect.confused_with)}. Source: {effect.source}.\n",
+            table(PARAMETER_HEADER, parameters),
+        ]
+    return "\n".join(text)
+
+
+def commands():
+    """Help texts of the command line."""
+    text = []
+    for words in ((), ("demo",), ("run",), ("bench", "speed")):
+        output = io.StringIO()
+        with contextlib.redirect_stdout(output), contextlib.suppress(SystemExit):
+            main([*words, "--help"])
+        text.append(
+            f"## `{' '.join(('errorscreen', *words))}`\n\n```text\n{output.getvalue().strip()}\n```\n"
+        )
+    return "\n".join(text)
+
+
+def unit_table():
+    """Units that the reader knows, by channel."""
+    rows = [(f"`{role}`", ", ".join(f"`{unit}`" for unit in units)) for role, units in UNITS.items()]
+    return table(("channel", "units"), rows)
+
+
+def status_table():
+    """What can become of a simulation, and what to do about it."""
+    return table(("status", "remedy"), [(f"`{s.name}`", REMEDIES[s] or "none needed") for s in Status])
+
+
+def result_table():
+    """Top of the schema of result.json."""
+    schema = json.loads((DOCS / "result_schema.json").read_text(encoding="utf-8"))
+    rows = []
+    for key, value in schema["properties"].items():
+        target = schema["$defs"].get(value.get("$ref", "").rpartition("/")[2], {})
+        rows.append((f"`{key}`", value.get("description") or target.get("description", "")))
+    return table(("key", "meaning"), rows)
+
+
+def speed_table():
+    """Published figures of `errorscreen bench speed`, where they have been measured."""
+    path = DOCS / "tables" / "speed.md"
+    return path.read_text(encoding="utf-8") if path.exists() else "```text\nerrorscreen bench speed\n```\n"
