@@ -10,6 +10,7 @@ sys.path[:0] = [str(HERE), str(HERE.parent)]
 from _tools import pages
 
 import errorscreen
+from errorscreen.engine import kernels
 
 project = "errorscreen"
 author = "The errorscreen developers"
@@ -24,8 +25,9 @@ extensions = [
     "sphinx.ext.mathjax",
     "sphinx_gallery.gen_gallery",
 ]
-myst_enable_extensions = ["amsmath", "colon_fence", "deflist", "dollarmath"]
+myst_enable_extensions = ["amsmath", "colon_fence", "deflist", "dollarmath", "substitution"]
 myst_heading_anchors = 3
+myst_substitutions = {"lanes": kernels.LANES, "scalar_below": kernels.SCALAR_BELOW}
 default_role = "py:obj"
 add_module_names = False
 autodoc_typehints = "none"  # types and shapes stand in the docstrings
