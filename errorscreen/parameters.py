@@ -209,7 +209,8 @@ class ParameterSpace:
             If the number of columns is not m or a value is not finite. Values outside the bounds are
             allowed: a bound is a matter of the search, not of the simulation.
         """
-        values = np.atleast_2d(np.asarray(theta, dtype=float))
+        # contiguous: NumPy's vector loops may round views with other strides differently
+        values = np.ascontiguousarray(np.atleast_2d(np.asarray(theta, dtype=float)))
         if values.ndim != 2 or values.shape[1] != len(self):
             raise InputError(
                 f"theta has shape {np.shape(theta)}", allowed=f"(n, {len(self)}) or ({len(self)},)"

@@ -7,7 +7,7 @@ from typing import Any
 
 from errorscreen.effects.base import Effect
 from errorscreen.engine.stages import Call, Equations, Model, reads_of, stage, writes_of
-from errorscreen.exceptions import unknown_name
+from errorscreen.exceptions import InputError, unknown_name
 from errorscreen.power.device import Device
 
 
@@ -37,7 +37,8 @@ def assemble(device: Device, effects: Iterable[Effect]) -> Model:
     Raises
     ------
     InputError
-        If an effect acts on a port, or reads a quantity, that the device does not have.
+        If an effect acts on a port, or reads a quantity, that the device does not have, or acts on a measured
+        channel without being sampled.
     """
     effects = tuple(effects)
     calls: list[Call] = []
@@ -58,6 +59,12 @@ def assemble(device: Device, effects: Iterable[Effect]) -> Model:
         if effect.port not in ports:
             raise unknown_name(
                 effect.port, ports, kind="port", where=f"effect {effect.name!r} on device {device.name!r}"
+            )
+        if effect.port.startswith("channel.") and not effect.sampled:
+            raise InputError(
+                f"it acts on the measured channel {effect.port!r}, which exists once a step, but is not sampled",
+                where=f"effect {effect.name!r}",
+                allowed="sampled=True for a channel",
             )
     constants = (*device.candidates.names, *(c.name for c in device.constants), *device.setpoints)
     return Model(

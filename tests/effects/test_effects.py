@@ -1,5 +1,7 @@
 """One property test for the whole library: strength 0 is an exact identity."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -126,6 +128,14 @@ def test_an_effect_on_a_port_that_a_device_lacks_is_refused():
         InputError, match=r"effect 'exciter' on device 'pv_plant': unknown port 'Efd'.*Ip_cmd"
     ):
         plant("pv_plant", effects=(LIBRARY["synchronous_machine"][0],))
+
+
+def test_an_effect_on_a_channel_must_be_sampled():
+    lag = replace(measurement_lag("P"), sampled=False)
+    with pytest.raises(
+        InputError, match="effect 'lag_P': it acts on the measured channel 'channel.P'.*sampled=True"
+    ):
+        plant("pv_plant", effects=(lag,))
 
 
 def test_lag_of_an_unknown_channel_is_refused():
