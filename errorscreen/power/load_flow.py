@@ -1,0 +1,266 @@
+r"""Load flow by Newton's method in polar coordinates.
+
+Tinney, Hart, *Power Flow Solution by Newton's Method*, IEEE Trans. PAS, 1967; the derivatives in the complex form of
+Zimmerman, *AC Power Flows, Generalized OPF Costs and their Derivatives using Complex Matrix Notation*, MATPOWER
+Technical Note 2, 2010. Brackets make a diagonal matrix of a vector.
+
+.. math::
+
+    S &= [V] I^*,\quad I = Y V                                                                & (F1)\\
+    \partial S/\partial\theta &= j\,[V]\,([I] - Y [V])^*                                       & (F2)\\
+    \partial S/\partial|V| &= [V]\,(Y [V/|V|])^* + [I]^* [V/|V|]                               & (F3)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from errorscreen.exceptions import InputError
+from errorscreen.power.elements import Generator
+from errorscreen.power.network import Network
+
+#: largest mismatch in pu of the system base that counts as solved
+TOLERANCE = 1e-10
+_MAX_ITERATIONS = 30
+_MAX_SWITCHES = 20
+
+
+@dataclass(frozen=True)
+class LoadFlow:
+    """A solved load flow; complex powers are P + jQ in pu, buses and branches in the order of the network.
+
+    Parameters
+    ----------
+    network : Network
+    voltage : ndarray of shape (n_buses,), complex
+    mismatch : float
+        Largest difference in P or Q between what is injected and what the grid takes.
+    iterations : int
+        Newton steps, of all rounds together.
+    at_limit : tuple of int
+        Buses whose generator is held at a reactive limit; empty unless limits were observed.
+    """
+
+    network: Network
+    voltage: NDArray[np.complex128]
+    mismatch: float
+    iterations: int
+    at_limit: tuple[int, ...] = ()
+
+    @property
+    def magnitude(self) -> NDArray[np.float64]:
+        """Voltage magnitudes in pu, shape (n_buses,)."""
+        return np.abs(self.voltage)
+
+    @property
+    def angle(self) -> NDArray[np.float64]:
+        """Voltage angles in rad, shape (n_buses,)."""
+        return np.angle(self.voltage)
+
+    @property
+    def injection(self) -> NDArray[np.complex128]:
+        """Power that generators and loads together bring into the grid at each bus, (F1), shape (n_buses,)."""
+        return self.voltage * (self.network.admittance() @ self.voltage).conj()
+
+    @property
+    def generation(self) -> dict[int, complex]:
+        """Power of each generator by bus: what the grid takes and the loads there draw."""
+        total = self.injection + self.network.demand()
+        return {g.bus: complex(total[self.network.index(g.bus)]) for g in self.network.generators}
+
+    @property
+    def branch_flows(self) -> NDArray[np.complex128]:
+        """Power that enters each branch at its first and at its second end, shape (n_branches, 2)."""
+        ends = [self.network.indices(b.ends) for b in self.network.branches]
+        V = self.voltage[np.array(ends, dtype=np.int64).reshape(-1, 2)]
+        Y = np.array([b.admittances for b in self.network.branches], dtype=complex).reshape(-1, 2, 2)
+        return V * (Y @ V[:, :, None])[:, :, 0].conj()
+
+
+def solve_load_flow(
+    network: Network, *, start: ArrayLike | None = None, reactive_limits: bool = False
+) -> LoadFlow:
+    """Solve for the voltages at which every bus balances.
+
+    Loads draw constant power here. Reactive limits of generators are **not** observed by default: a generator that
+    holds a voltage delivers whatever that needs. With ``reactive_limits=True`` a generator beyond a limit delivers the
+    limit instead, and holds its voltage again where it can; the slack generator has none.
+
+    Parameters
+    ----------
+    network : Network
+        Its slack bus must have a generator that holds a voltage.
+    start : array-like of shape (n_buses,), complex, optional
+        Voltages to start from; flat (1 pu, or the held magnitude, at angle 0) where not given. The magnitudes
+        of held voltages and the angle of the slack bus are taken from the network in any case.
+    reactive_limits : bool
+
+    Returns
+    -------
+    LoadFlow
+
+    Raises
+    ------
+    InputError
+        If there is no solution near the start, naming the bus with the worst mismatch; or a bolted fault.
+
+    Examples
+    --------
+    >>> from errorscreen.power.elements import Branch, Bus, Load
+    >>> grid = Network(
+    ...     (Bus(1), Bus(2)),
+    ...     (Branch(1, 2, r=0.0, x=0.1),),
+    ...     slack=1,
+    ...     loads=(Load(2, 1.0, 0.2),),
+    ...     generators=(Generator(1, v=1.0),),
+    ... )
+    >>> flow = solve_load_flow(grid)
+    >>> flow.magnitude.round(4), round(flow.generation[1].real, 9)
+    (array([1.    , 0.9742]), 1.0)
+    """
+    V = _start(network, start)
+    if not reactive_limits:
+        V, mismatch, iterations = _newton(network, V)
+        return LoadFlow(network, V, mismatch, iterations)
+    limited, total = network, 0
+    for _ in range(_MAX_SWITCHES):
+        V, mismatch, iterations = _newton(limited, V)
+        total += iterations
+        changed = _switched(network, limited, LoadFlow(limited, V, mismatch, total))
+        if changed == limited:
+            held = tuple(g.bus for g in network.generators if g not in limited.generators)
+            return LoadFlow(network, V, mismatch, total, held)
+        limited = changed
+        V = _start(limited, V)
+    raise InputError(
+        f"the generators at reactive limits still change after {_MAX_SWITCHES} rounds",
+        where="load flow",
+        remedy="Widen the limits, or solve without them",
+    )
+
+
+def _start(network: Network, start: ArrayLike | None) -> NDArray[np.complex128]:
+    """Starting voltages with the held magnitudes and the angle reference in place."""
+    slack = {g.bus: g for g in network.generators}.get(network.slack)
+    if slack is None or slack.v is None:
+        raise InputError(
+            f"no generator holds the voltage of the slack bus {network.slack}",
+            where="load flow",
+            remedy="Give the slack bus a generator with v, or choose another slack bus",
+        )
+    if network.grounded:
+        raise InputError(
+            f"the buses {', '.join(map(str, sorted(network.grounded)))} have a bolted fault",
+            where="load flow",
+            allowed="a grid without faults",
+        )
+    n = len(network.buses)
+    V = np.ones(n, dtype=complex) if start is None else np.array(start, dtype=complex)
+    if V.shape != (n,) or not np.all(np.isfinite(V) & (V != 0)):
+        raise InputError(
+            f"start has shape {V.shape}, or values that are zero or not finite",
+            where="load flow",
+            allowed=f"{n} complex voltages in pu",
+        )
+    V *= np.exp(-1j * np.angle(V[network.index(network.slack)]))
+    for g in network.generators:
+        if g.v is not None:
+            i = network.index(g.bus)
+            V[i] *= g.v / np.abs(V[i])
+    return V
+
+
+def _newton(network: Network, V: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], float, int]:
+    """Newton steps until the largest mismatch is below the tolerance: voltages, mismatch, number of steps."""
+    Y = network.admittance()
+    slack = network.index(network.slack)
+    held = {network.index(g.bus) for g in network.generators if g.v is not None} | {slack}
+    n = len(V)
+    angles = np.array([i for i in range(n) if i != slack], dtype=np.int64)
+    magnitudes = np.array([i for i in range(n) if i not in held], dtype=np.int64)
+    target = -network.demand()
+    for g in network.generators:
+        target[network.index(g.bus)] += complex(g.p, g.q)
+    for iteration in range(_MAX_ITERATIONS + 1):
+        error = target - V * (Y @ V).conj()  # (F1)
+        F = np.concatenate([error[angles].real, error[magnitudes].imag])
+        mismatch = float(np.abs(F).max(initial=0.0))
+        if mismatch < TOLERANCE:
+            return V, mismatch, iteration
+        if iteration == _MAX_ITERATIONS or not np.isfinite(mismatch):
+            break
+        with np.errstate(all="ignore"):  # a divergent step shows in the mismatch
+            try:
+                step = np.linalg.solve(_jacobian(Y, V, angles, magnitudes), F)
+            except np.linalg.LinAlgError:
+                break
+            angle, magnitude = np.angle(V), np.abs(V)
+            angle[angles] += step[: len(angles)]
+            magnitude[magnitudes] += step[len(angles) :]
+            V = magnitude * np.exp(1j * angle)
+    raise _not_solved(network, error, angles, magnitudes, iteration)
+
+
+def _jacobian(
+    Y: NDArray[np.complex128],
+    V: NDArray[np.complex128],
+    angles: NDArray[np.int64],
+    magnitudes: NDArray[np.int64],
+) -> NDArray[np.float64]:
+    """Derivatives of P at `angles` and Q at `magnitudes` with respect to these angles and magnitudes."""
+    unit, current = V / np.abs(V), Y @ V
+    dS_angle = 1j * V[:, None] * (np.diag(current) - Y * V).conj()  # (F2)
+    dS_magnitude = V[:, None] * (Y * unit).conj() + np.diag(current.conj() * unit)  # (F3)
+    return np.block(
+        [
+            [dS_angle[np.ix_(angles, angles)].real, dS_magnitude[np.ix_(angles, magnitudes)].real],
+            [dS_angle[np.ix_(magnitudes, angles)].imag, dS_magnitude[np.ix_(magnitudes, magnitudes)].imag],
+        ]
+    )
+
+
+def _not_solved(
+    network: Network,
+    error: NDArray[np.complex128],
+    angles: NDArray[np.int64],
+    magnitudes: NDArray[np.int64],
+    iterations: int,
+) -> InputError:
+    """What to say when Newton's method fails: the bus with the worst mismatch."""
+    size = np.zeros(len(error))
+    size[angles] = np.abs(error[angles].real)
+    size[magnitudes] = np.maximum(size[magnitudes], np.abs(error[magnitudes].imag))
+    size[~np.isfinite(size)] = np.inf
+    worst = int(np.argmax(size))
+    return InputError(
+        f"no solution after {iterations} Newton steps; the worst mismatch is {size[worst]:.3g} pu "
+        f"at bus {network.buses[worst].number}",
+        where="load flow",
+        remedy="Check loads, generation and branch data near this bus, or start from a solution of a similar case",
+    )
+
+
+def _switched(original: Network, limited: Network, flow: LoadFlow) -> Network:
+    """Next guess of which generators are at a limit."""
+    generators = []
+    for wanted, g in zip(original.generators, limited.generators, strict=True):
+        generators.append(_at_limit(wanted, g, flow) if wanted.bus != original.slack else wanted)
+    return replace(original, generators=tuple(generators))
+
+
+def _at_limit(wanted: Generator, g: Generator, flow: LoadFlow) -> Generator:
+    """One generator of the next guess: at the limit it exceeds, or holding its voltage again."""
+    if wanted.v is None or (g.v is None and wanted.q_min == wanted.q_max):
+        return g
+    if g.v is not None:
+        q = flow.generation[g.bus].imag
+        if wanted.q_min - TOLERANCE <= q <= wanted.q_max + TOLERANCE:
+            return wanted
+        return replace(wanted, v=None, q=wanted.q_max if q > wanted.q_max else wanted.q_min)
+    magnitude = flow.magnitude[flow.network.index(g.bus)]
+    # at the upper limit the voltage sags; where it does not, the generator can hold it again
+    recovered = magnitude > wanted.v if g.q == wanted.q_max else magnitude < wanted.v
+    return wanted if recovered else g

@@ -1,0 +1,247 @@
+r"""A grid in the steady state of its frequency, and its admittance matrix.
+
+Everything is in per unit of one system base. The matrix is assembled from the branches (N1), which
+`errorscreen.power.elements` describes, and the shunts. A load that is a constant impedance adds
+
+.. math:: y_L = (P_L - jQ_L) / |V_0|^2                                                            & (N2)
+
+with the voltage :math:`V_0` at which it draws :math:`P_L, Q_L`.
+
+Networks are immutable: a fault, a tripped line or a changed load gives another network.
+"""
+
+from __future__ import annotations
+
+import cmath
+from collections.abc import Hashable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from errorscreen.exceptions import InputError, check_real, unknown_name
+from errorscreen.power.elements import Branch, Bus, Generator, Load, Shunt
+
+
+@dataclass(frozen=True)
+class Network:
+    """A connected grid.
+
+    Parameters
+    ----------
+    buses : tuple of Bus
+    branches : tuple of Branch
+    slack : int
+        Bus whose angle is the reference and whose generator balances the power.
+    loads : tuple of Load
+        Several at one bus add up.
+    shunts : tuple of Shunt
+        Likewise.
+    generators : tuple of Generator
+        At most one at a bus.
+    base_mva : float
+    grounded : frozenset of int
+        Buses with a bolted fault: their voltage is exactly zero.
+
+    Raises
+    ------
+    InputError
+        If a bus is unknown or declared twice, a branch or generator appears twice, a number is not finite, or
+        a part of the grid is not connected with the slack bus.
+
+    Examples
+    --------
+    >>> grid = Network((Bus(1), Bus(2)), (Branch(1, 2, 0.0, 0.1),), slack=1, loads=(Load(2, 0.5),))
+    >>> grid.admittance()
+    array([[0.-10.j, 0.+10.j],
+           [0.+10.j, 0.-10.j]])
+    """
+
+    buses: tuple[Bus, ...]
+    branches: tuple[Branch, ...]
+    slack: int
+    loads: tuple[Load, ...] = ()
+    shunts: tuple[Shunt, ...] = ()
+    generators: tuple[Generator, ...] = ()
+    base_mva: float = 100.0
+    grounded: frozenset[int] = frozenset()
+    _index: Mapping[int, int] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        for name in ("buses", "branches", "loads", "shunts", "generators"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
+        object.__setattr__(self, "grounded", frozenset(self.grounded))
+        object.__setattr__(self, "_index", {bus.number: i for i, bus in enumerate(self.buses)})
+        check_real(self.base_mva, "base_mva", low=0, above=True, where="network")
+        _reject_twice((b.number for b in self.buses), "bus")
+        _reject_twice((g.bus for g in self.generators), "a generator at bus", "Add them up")
+        _reject_twice(
+            (f"{min(ends)}-{max(ends)} (circuit {b.circuit})" for b in self.branches for ends in [b.ends]),
+            "branch",
+            "Give each its own circuit",
+        )
+        for kind, elements in (("load", self.loads), ("shunt", self.shunts), ("generator", self.generators)):
+            for element in elements:
+                self.index(element.bus, where=kind)
+        for branch in self.branches:
+            self.index(branch.from_bus, where=f"branch {branch.label}")
+            self.index(branch.to_bus, where=f"branch {branch.label}")
+        for number in (self.slack, *self.grounded):
+            self.index(number, where="network")
+        self._check_connected()
+
+    def index(self, bus: int, *, where: str | None = None) -> int:
+        """Position of a bus in `buses`; an unknown one raises `InputError` with the nearest matches."""
+        if bus not in self._index:
+            raise unknown_name(str(bus), map(str, self._index), kind="bus", where=where)
+        return self._index[bus]
+
+    def indices(self, buses: Iterable[int]) -> NDArray[np.int64]:
+        """Positions of several buses."""
+        return np.array([self.index(bus) for bus in buses], dtype=np.int64)
+
+    def branch(self, bus: int, other: int, circuit: str | None = None) -> Branch:
+        """Branch between two buses, in either order.
+
+        Parameters
+        ----------
+        bus, other : int
+        circuit : str, optional
+            Needed where there are several.
+
+        Raises
+        ------
+        InputError
+            If there is none, or several and no circuit is given.
+        """
+        self.index(bus), self.index(other)
+        found = [b for b in self.branches if set(b.ends) == {bus, other}]
+        circuits = ", ".join(b.circuit for b in found)
+        if circuit is not None:
+            found = [b for b in found if b.circuit == circuit]
+        if len(found) != 1:
+            ends = sorted({b.from_bus + b.to_bus - bus for b in self.branches if bus in b.ends})
+            raise InputError(
+                f"there are {len(found)} branches between the buses {bus} and {other}"
+                + (f" with circuit {circuit!r}" if circuit is not None else ""),
+                allowed=f"circuit {circuits}"
+                if circuits
+                else f"from bus {bus} to {', '.join(map(str, ends))}",
+            )
+        return found[0]
+
+    def with_line_out(self, bus: int, other: int, circuit: str | None = None) -> Network:
+        """Open the branch between two buses at both ends; an island that this leaves is an `InputError`."""
+        out = self.branch(bus, other, circuit)
+        branches = (replace(b, in_service=False) if b is out else b for b in self.branches)
+        return replace(self, branches=tuple(branches))
+
+    def with_fault(self, bus: int, impedance: complex = 0.0) -> Network:
+        """Connect a bus to ground through a symmetrical fault impedance in pu; 0 is a bolted fault, held exactly."""
+        self.index(bus)
+        if not cmath.isfinite(impedance):
+            raise InputError(f"the fault impedance is {impedance}", allowed="a finite number in pu")
+        if impedance == 0:
+            return replace(self, grounded=self.grounded | {bus})
+        y = 1 / complex(impedance)
+        return replace(self, shunts=(*self.shunts, Shunt(bus, y.real, y.imag)))
+
+    def with_load_scaled(self, factor: float, buses: Iterable[int] | None = None) -> Network:
+        """Multiply the loads at some buses, or at all, by a factor.
+
+        Examples
+        --------
+        >>> grid = Network((Bus(1), Bus(2)), (Branch(1, 2, 0.0, 0.1),), slack=1, loads=(Load(2, 0.5),))
+        >>> grid.with_load_scaled(1.2).loads
+        (Load(bus=2, p=0.6, q=0.0),)
+        """
+        check_real(factor, "the factor", where="with_load_scaled")
+        loaded = {load.bus for load in self.loads}
+        chosen = loaded if buses is None else set(buses)
+        for bus in sorted(chosen - loaded):
+            raise unknown_name(str(bus), map(str, sorted(loaded)), kind="bus", where="with_load_scaled")
+        scaled = (
+            replace(load, p=load.p * factor, q=load.q * factor) if load.bus in chosen else load
+            for load in self.loads
+        )
+        return replace(self, loads=tuple(scaled))
+
+    def with_base(self, base_mva: float) -> Network:
+        """Express the same grid in per unit of another base."""
+        check_real(base_mva, "base_mva", low=0, above=True, where="with_base")
+        k = self.base_mva / base_mva
+        return replace(
+            self,
+            base_mva=base_mva,
+            branches=tuple(replace(b, r=b.r / k, x=b.x / k, b=b.b * k) for b in self.branches),
+            loads=tuple(replace(s, p=s.p * k, q=s.q * k) for s in self.loads),
+            shunts=tuple(replace(s, g=s.g * k, b=s.b * k) for s in self.shunts),
+            generators=tuple(
+                replace(g, p=g.p * k, q=g.q * k, q_min=g.q_min * k, q_max=g.q_max * k)
+                for g in self.generators
+            ),
+        )
+
+    def demand(self) -> NDArray[np.complex128]:
+        """Power P + jQ drawn by the loads at each bus in pu, shape (n_buses,)."""
+        demand = np.zeros(len(self.buses), dtype=complex)
+        for load in self.loads:
+            demand[self._index[load.bus]] += complex(load.p, load.q)
+        return demand
+
+    def admittance(self, load_voltages: ArrayLike | None = None) -> NDArray[np.complex128]:
+        """Bus admittance matrix from (N1) and the shunts, with the loads as constant impedances if wanted.
+
+        Parameters
+        ----------
+        load_voltages : array-like of shape (n_buses,), optional
+            Voltages, complex or magnitudes in pu, at which the loads draw their power, (N2); loads are left
+            out where not given.
+
+        Returns
+        -------
+        ndarray of shape (n_buses, n_buses), complex
+            Rows and columns in the order of `buses`; a bolted fault is not in it (`grounded`).
+        """
+        Y = np.zeros((len(self.buses),) * 2, dtype=complex)
+        for branch in self.branches:
+            i, k = self._index[branch.from_bus], self._index[branch.to_bus]
+            Y[[i, i, k, k], [i, k, i, k]] += branch.admittances
+        for shunt in self.shunts:
+            Y[self._index[shunt.bus], self._index[shunt.bus]] += complex(shunt.g, shunt.b)
+        if load_voltages is not None:
+            V = np.abs(np.asarray(load_voltages))
+            if V.shape != (len(self.buses),) or not np.all(np.isfinite(V) & (V > 0)):
+                raise InputError(
+                    f"load_voltages has shape {V.shape}, or values that are not positive",
+                    allowed=f"one voltage in pu for each of the {len(self.buses)} buses",
+                )
+            Y[np.diag_indices_from(Y)] += self.demand().conj() / V**2  # (N2)
+        return Y
+
+    def _check_connected(self) -> None:
+        neighbours: dict[int, set[int]] = {bus.number: set() for bus in self.buses}
+        for b in filter(lambda b: b.in_service, self.branches):
+            neighbours[b.from_bus].add(b.to_bus)
+            neighbours[b.to_bus].add(b.from_bus)
+        reached, queue = {self.slack}, [self.slack]
+        while queue:
+            new = neighbours[queue.pop()] - reached
+            reached |= new
+            queue += new
+        cut_off = [str(bus.number) for bus in self.buses if bus.number not in reached]
+        if cut_off:
+            raise InputError(
+                f"no branch connects the buses {', '.join(cut_off)} with the slack bus {self.slack}",
+                where="network",
+                allowed="one connected grid",
+                remedy="Keep a branch, or leave the island out",
+            )
+
+
+def _reject_twice(names: Iterable[Hashable], what: str, remedy: str | None = None) -> None:
+    seen: set[Hashable] = set()
+    for name in names:
+        if name in seen:
+            raise InputError(f"{what} {name} appears more than once", where="network", remedy=remedy)
+        seen.add(name)
