@@ -184,12 +184,15 @@ def _newton(network: Network, V: NDArray[np.complex128]) -> tuple[NDArray[np.com
     target = -network.demand()
     for g in network.generators:
         target[network.index(g.bus)] += complex(g.p, g.q)
+    best, closest = np.inf, target
     for iteration in range(_MAX_ITERATIONS + 1):
         error = target - V * (Y @ V).conj()  # (F1)
         F = np.concatenate([error[angles].real, error[magnitudes].imag])
         mismatch = float(np.abs(F).max(initial=0.0))
         if mismatch < TOLERANCE:
             return V, mismatch, iteration
+        if mismatch < best:
+            best, closest = mismatch, error
         if iteration == _MAX_ITERATIONS or not np.isfinite(mismatch):
             break
         with np.errstate(all="ignore"):  # a divergent step shows in the mismatch
@@ -201,7 +204,7 @@ def _newton(network: Network, V: NDArray[np.complex128]) -> tuple[NDArray[np.com
             angle[angles] += step[: len(angles)]
             magnitude[magnitudes] += step[len(angles) :]
             V = magnitude * np.exp(1j * angle)
-    raise _not_solved(network, error, angles, magnitudes, iteration)
+    raise _not_solved(network, closest, angles, magnitudes, iteration)
 
 
 def _jacobian(
@@ -229,14 +232,13 @@ def _not_solved(
     magnitudes: NDArray[np.int64],
     iterations: int,
 ) -> InputError:
-    """What to say when Newton's method fails: the bus with the worst mismatch."""
+    """What to say when Newton's method fails: the bus with the worst mismatch of the step that came closest."""
     size = np.zeros(len(error))
     size[angles] = np.abs(error[angles].real)
     size[magnitudes] = np.maximum(size[magnitudes], np.abs(error[magnitudes].imag))
-    size[~np.isfinite(size)] = np.inf
     worst = int(np.argmax(size))
     return InputError(
-        f"no solution after {iterations} Newton steps; the worst mismatch is {size[worst]:.3g} pu "
+        f"no solution in {iterations} Newton steps; the closest left a mismatch of {size[worst]:.3g} pu "
         f"at bus {network.buses[worst].number}",
         where="load flow",
         remedy="Check loads, generation and branch data near this bus, or start from a solution of a similar case",

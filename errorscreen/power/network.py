@@ -156,15 +156,22 @@ class Network:
         (Load(bus=2, p=0.6, q=0.0),)
         """
         check_real(factor, "the factor", where="with_load_scaled")
-        loaded = {load.bus for load in self.loads}
-        chosen = loaded if buses is None else set(buses)
-        for bus in sorted(chosen - loaded):
-            raise unknown_name(str(bus), map(str, sorted(loaded)), kind="bus", where="with_load_scaled")
+        chosen = _chosen(buses, (load.bus for load in self.loads), "with_load_scaled")
         scaled = (
             replace(load, p=load.p * factor, q=load.q * factor) if load.bus in chosen else load
             for load in self.loads
         )
         return replace(self, loads=tuple(scaled))
+
+    def with_generation_scaled(self, factor: float, buses: Iterable[int] | None = None) -> Network:
+        """Multiply the active power of the generators at some buses, or of all, by a factor.
+
+        Together with `with_load_scaled` it gives another load level; the slack generator balances the rest.
+        """
+        check_real(factor, "the factor", where="with_generation_scaled")
+        chosen = _chosen(buses, (g.bus for g in self.generators), "with_generation_scaled")
+        scaled = (replace(g, p=g.p * factor) if g.bus in chosen else g for g in self.generators)
+        return replace(self, generators=tuple(scaled))
 
     def with_base(self, base_mva: float) -> Network:
         """Express the same grid in per unit of another base."""
@@ -231,12 +238,22 @@ class Network:
             queue += new
         cut_off = [str(bus.number) for bus in self.buses if bus.number not in reached]
         if cut_off:
+            more = f" and {len(cut_off) - 8} more" if len(cut_off) > 8 else ""
             raise InputError(
-                f"no branch connects the buses {', '.join(cut_off)} with the slack bus {self.slack}",
+                f"no branch connects the buses {', '.join(cut_off[:8])}{more} with the slack bus {self.slack}",
                 where="network",
                 allowed="one connected grid",
                 remedy="Keep a branch, or leave the island out",
             )
+
+
+def _chosen(buses: Iterable[int] | None, known: Iterable[int], where: str) -> set[int]:
+    """Buses that were named, or all that are known; one that is not known raises `InputError`."""
+    known = set(known)
+    chosen = known if buses is None else set(buses)
+    for bus in sorted(chosen - known):
+        raise unknown_name(str(bus), map(str, sorted(known)), kind="bus", where=where)
+    return chosen
 
 
 def _reject_twice(names: Iterable[Hashable], what: str, remedy: str | None = None) -> None:

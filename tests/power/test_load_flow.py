@@ -150,7 +150,7 @@ def test_a_fixed_reactive_power_as_both_limits():
 
 def test_no_solution_names_the_worst_bus():
     with pytest.raises(
-        InputError, match=r"load flow: no solution after \d+ Newton steps; the worst .* at bus 2\."
+        InputError, match=r"load flow: no solution in \d+ Newton steps; the closest .* at bus 2\."
     ):
         solve_load_flow(two_buses(p=-9.0, q=0.0))  # more than V^2 / 2X can never arrive
     with pytest.raises(InputError, match="Check loads, generation and branch data near this bus"):

@@ -81,6 +81,24 @@ def test_load_scaled_at_some_buses_and_at_all():
     assert np.allclose(network.with_load_scaled(0.5).demand(), 0.5 * network.demand())
 
 
+def test_generation_scaled_at_some_buses_and_at_all():
+    network = three_buses(generators=(Generator(1, p=1.0, v=1.0), Generator(30, p=0.5)))
+    assert [g.p for g in network.with_generation_scaled(2.0, [30]).generators] == [1.0, 1.0]
+    assert network.with_generation_scaled(0.5).generators == (
+        Generator(1, p=0.5, v=1.0),
+        Generator(30, p=0.25),
+    )
+    with pytest.raises(InputError, match="with_generation_scaled: unknown bus '2'.* Allowed: 1, 30"):
+        network.with_generation_scaled(2.0, [2])
+
+
+def test_an_island_message_is_short():
+    with pytest.raises(
+        InputError, match="the buses 1, 2, 3, 4, 5, 6, 7, 8 and 30 more with the slack bus 31"
+    ):
+        ieee39_network().with_line_out(6, 31)
+
+
 def test_loads_and_shunts_at_one_bus_add_up():
     network = three_buses(loads=(Load(2, 0.5), Load(2, 0.25, 0.1)), shunts=(Shunt(2, b=0.1), Shunt(2, g=0.2)))
     assert network.demand()[1] == 0.75 + 0.1j
