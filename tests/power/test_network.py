@@ -58,6 +58,12 @@ def test_another_base_is_the_same_grid(network):
     assert np.allclose(again.admittance(V), network.admittance(V), rtol=1e-14)
 
 
+def test_limits_of_generators_scale_with_the_base():
+    generator = Generator(30, p=1.0, v=1.02, q=0.5, q_min=-2.0, q_max=3.0)
+    other = three_buses(generators=(generator,)).with_base(50.0)
+    assert other.generators == (Generator(30, p=2.0, v=1.02, q=1.0, q_min=-4.0, q_max=6.0),)
+
+
 def test_line_out():
     network = three_buses()
     without = network.with_line_out(30, 2, "2")

@@ -101,6 +101,11 @@ def test_a_bolted_fault_is_the_limit_of_a_small_impedance():
     assert distance[1:] == pytest.approx(distance[0] * np.array([1e-2, 1e-4, 1e-6]), rel=0.2)
 
 
+def test_a_tiny_fault_impedance_is_not_taken_for_a_singular_grid():
+    exact, near = (reduced(ieee39_network().with_fault(3, z)).impedance for z in (0, 1e-18))
+    assert np.allclose(near, exact, rtol=0, atol=1e-14)
+
+
 def test_a_fault_at_a_terminal_leaves_its_unit_without_voltage():
     found = reduced(ieee39_network().with_fault(30))
     k = UNITS.index(30)
