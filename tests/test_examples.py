@@ -14,9 +14,9 @@ from errorscreen.simulators import PlantSimulator
 EXAMPLES = Path(__file__).parents[1] / "examples"
 #: what the output of each example must hold
 SAYS = {
-    "plot_quickstart.py": "The parameters explain the error",
+    "plot_quickstart.py": "Values of the parameters reproduce the recording",
     "plot_grid_search.py": "overlap of the five largest",
-    "plot_own_simulator.py": "The parameters explain the error",
+    "plot_own_simulator.py": "Values of the parameters reproduce the recording",
     "plot_effect.py": "exciter.K",
     "plot_wavelet_image.py": "(2, 2, 64, 256)",
 }

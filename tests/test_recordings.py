@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from errorscreen.events import Event
 from errorscreen.exceptions import DataWarning, InputError
-from errorscreen.recordings import Channel, Recording
+from errorscreen.recordings import Channel, Observation, Recording
 
 TIME = np.arange(300) / 60
 
@@ -182,3 +183,34 @@ def test_wrong_calls_are_explained(call, message):
 def test_a_channel_needs_positive_noise():
     with pytest.raises(InputError, match="the noise of P is 0"):
         Recording("r", TIME, {"P": Channel("P", TIME, "pu", 0.0)}, 1.0, 50.0, 1.0, (0.0, 0.9))
+
+
+def test_deviations_of_a_right_simulation_are_white_and_of_unit_size():
+    """Noise, uncertain samples and an offset of the level: the covariance is divided out."""
+    rng = np.random.default_rng(0)
+    time = np.arange(200.0)
+    after = time >= 50
+    noise, level = np.array([0.1, 2.0]), np.array([0.05, 0.5])
+    extra = np.zeros((2, 200))
+    extra[:, 60:70] = 0.3
+    seen = Observation(
+        Event(time, start=50.0), np.zeros((2, 200)), noise, ("P", "Q"), ("", ""), (), extra, level
+    )
+    draws = rng.standard_normal((4000, 2, 200)) * seen.sigma
+    draws += rng.standard_normal((4000, 2, 1)) * level[:, None] * after
+    z = seen.deviations(draws)
+    covariance = np.cov(z[:, 0].T)
+    assert np.abs(np.diag(covariance) - 1).max() < 0.1
+    assert np.abs(covariance - np.diag(np.diag(covariance))).max() < 0.1
+    assert abs(np.mean(z**2) - 1) < 0.01
+
+
+def test_a_gap_does_not_spread_and_a_failed_row_stays_nan():
+    values = np.zeros((1, 10))
+    values[0, 7] = np.nan
+    seen = Observation(
+        Event(np.arange(10.0), start=3.0), values, np.ones(1), ("P",), ("",), level_std=np.ones(1)
+    )
+    z = seen.deviations(np.stack([np.ones((1, 10)), np.full((1, 10), np.nan)]))
+    assert np.array_equal(np.isnan(z[0, 0]), np.arange(10) == 7)
+    assert np.isnan(z[1]).all()

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse.csgraph import connected_components
 
+from errorscreen.signals import correlation_time
+
 #: a direction is determined where its standard deviation is below this share of what was known before
 DETERMINED = 0.5
 #: entry of the projector onto undetermined directions from which two parameters count as linked
@@ -77,17 +79,7 @@ def noise_inflation(deviations: Sequence[ArrayLike], n_parameters: float) -> flo
     chi2 = sum(float(np.nansum(row**2)) for row in rows)
     if chi2 == 0.0:
         return 1.0
-    longest = max(map(len, rows))
-    products = np.zeros(longest)
-    for row in rows:
-        z = np.nan_to_num(row)
-        size = 2 ** int(
-            np.ceil(np.log2(2 * len(z)))
-        )  # zero padding keeps the correlation from wrapping round
-        products[: len(z)] += np.fft.irfft(np.abs(np.fft.rfft(z, size)) ** 2, size)[: len(z)]
-    rho = products[1:] / products[0]
-    ends = np.flatnonzero(rho <= 0)
-    tau = 1.0 + 2.0 * rho[: ends[0] if len(ends) else len(rho)].sum()
+    tau = correlation_time(*rows)
     return max(1.0, float(chi2 / max(n - n_parameters, 1.0) * tau))
 
 

@@ -28,6 +28,9 @@ from errorscreen.simulators.base import Simulator
 if TYPE_CHECKING:
     import pandas as pd
 
+#: states of a start that ended at a minimum, see `BoundedSearch`
+_ENDED = ("converged", "kink")
+
 
 class MAPCalibrator(BaseCalibrator):
     r"""Most probable parameters for all recordings together, with intervals.
@@ -93,7 +96,8 @@ class MAPCalibrator(BaseCalibrator):
     at_bound_ : ndarray of shape (k,), bool
         Values at a bound: the recordings pull them outside, and the interval only shows how firmly.
     identifiable_ : ndarray of shape (k,), bool
-        Whether the standard deviation fell below half of what prior and bounds allow.
+        Whether the standard deviation fell below half of what prior and bounds allow; False where the search
+        did not converge.
     groups_ : list of tuple of str
         Parameters that the recordings determine only together, see `collinear_groups`.
     """
@@ -224,7 +228,7 @@ class MAPCalibrator(BaseCalibrator):
         self._store(problem, problem.space.nominal + best.u * problem.space.scales)
         self.chi2_ = float(np.sum(best.residuals**2))
         self.chi2_per_sample_ = self.chi2_ / problem.n_values
-        self.converged_ = best.state in ("converged", "kink")
+        self.converged_ = best.state in _ENDED
         self.starts_ = [
             {"objective": t.cost, "chi2_per_sample": float(np.mean(t.residuals**2)), "state": t.state}
             for t in search.tracks
@@ -253,7 +257,8 @@ class MAPCalibrator(BaseCalibrator):
         self.intervals_ = np.clip([values - half, values + half], lower, upper).T
         margin = 1e-6 * (upper - lower)
         self.at_bound_ = (values <= lower + margin) | (values >= upper - margin)
-        self.identifiable_ = deviation < DETERMINED * known
+        # values of a search that did not end at a minimum have no intervals that hold
+        self.identifiable_ = (deviation < DETERMINED * known) & (best.state in _ENDED)
         self.groups_ = [
             tuple(problem.names[j] for j in group) for group in collinear_groups(covariance, known)
         ]

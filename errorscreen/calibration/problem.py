@@ -59,10 +59,10 @@ class FitProblem:
     def deviations(self, values: ArrayLike) -> list[NDArray[np.float64]]:
         """Simulated minus measured in multiples of the noise, for each recording (n, R, L).
 
-        NaN where nothing was measured, and in rows that failed.
+        See `Observation.deviations`. NaN where nothing was measured, and in rows that failed.
         """
         return [
-            (responses - observation.values) / np.asarray(observation.noise)[:, None]
+            observation.deviations(responses)
             for observation, responses in zip(self.observations, self._simulate(values), strict=True)
         ]
 

@@ -5,9 +5,19 @@ from errorscreen.discovery.diagnosis import (
     StageError,
     Verdict,
     channel_fits,
+    held_out_limit,
     judge,
     noise_limit,
     stage_errors,
 )
 
-__all__ = ["ChannelFit", "StageError", "Verdict", "channel_fits", "judge", "noise_limit", "stage_errors"]
+__all__ = [
+    "ChannelFit",
+    "StageError",
+    "Verdict",
+    "channel_fits",
+    "held_out_limit",
+    "judge",
+    "noise_limit",
+    "stage_errors",
+]

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from errorscreen.events import Playback
 from errorscreen.metrics import quiet_level, response_error, rms
 from errorscreen.recordings import Observation
+from errorscreen.signals import correlation_time
 
 #: seconds after the fault until which a stage lasts; the end of the fault is read off the voltage
 RECOVERY, OSCILLATION = 0.5, 3.0
@@ -30,7 +31,7 @@ class ChannelFit:
     E : float
         Equation (23).
     chi2_per_sample : float
-        Mean square of the error in multiples of the noise.
+        Mean square of the error in multiples of what is uncertain, see `Observation.deviations`.
     noise : float
         Standard deviation of the noise, in `unit`.
     """
@@ -99,7 +100,7 @@ def channel_fits(observation: Observation, responses: ArrayLike) -> list[Channel
     measured = np.flatnonzero(observation.mask.any(axis=1))
     pair = responses[measured], observation.values[measured]
     from_event = observation.time >= observation.event.start - 1e-9
-    z = (pair[0] - pair[1]) / observation.noise[measured, None]
+    z = observation.deviations(responses)[measured]
     return [
         ChannelFit(
             observation.event.name, observation.channels[r], observation.units[r], *map(float, figures)
@@ -172,18 +173,42 @@ def stage_errors(observation: Observation, responses: ArrayLike) -> list[StageEr
     return out
 
 
-def noise_limit(observations: Sequence[Observation]) -> float:
-    """Largest χ²/N that noise alone explains, three standard deviations above 1.
+def noise_limit(observations: Sequence[Observation], responses: Sequence[ArrayLike]) -> float:
+    r"""Largest χ²/N that noise alone explains.
 
-    χ²/N of N values scatters by √(2/N), and the noise variance itself is estimated from n quiet values, with a relative
-    scatter of √(2/n).
+    .. math:: 1 + 3\sqrt{2\tau/N + 2\tau/n}
+
+    three standard deviations above 1: χ²/N of N values scatters by :math:`\sqrt{2\tau/N}` if their noise is correlated
+    over τ samples, and the noise variance itself is estimated from n quiet values. τ is read off the quiet part.
+
+    Parameters
+    ----------
+    observations : sequence of Observation
+    responses : sequence of array-like of shape (R, L)
+        A simulation of each; only its quiet part, which parameters do not move, is used.
+
+    Returns
+    -------
+    float
     """
     total = sum(int(o.mask.sum()) for o in observations)
-    quiet = sum(int(o.mask[:, o.time < o.event.start].sum()) for o in observations)
-    return 1.0 + 3.0 * float(np.sqrt(2.0 / max(total, 1) + 2.0 / max(quiet, 1)))
+    quiet = [o.time < o.event.start for o in observations]
+    n = sum(int(o.mask[:, part].sum()) for o, part in zip(observations, quiet, strict=True))
+    rows = [
+        row
+        for o, y, part in zip(observations, responses, quiet, strict=True)
+        for row in ((np.asarray(y, dtype=float) - o.values) / o.sigma)[:, part]
+    ]
+    tau = correlation_time(*rows)
+    return 1.0 + 3.0 * float(np.sqrt(2.0 * tau / max(total, 1) + 2.0 * tau / max(n, 1)))
 
 
-def judge(observations: Sequence[Observation], before: Sequence[ArrayLike], calibrator: Any) -> Verdict:
+def judge(
+    observations: Sequence[Observation],
+    before: Sequence[ArrayLike],
+    calibrator: Any,
+    held_out: Sequence[Observation] = (),
+) -> Verdict:
     """Compare the errors before and after the calibration of all parameters with the noise.
 
     Parameters
@@ -195,46 +220,125 @@ def judge(observations: Sequence[Observation], before: Sequence[ArrayLike], cali
     calibrator : MAPCalibrator
         Fitted on `observations` with all parameters free, because only then a remainder says something about the
         model's structure.
+    held_out : sequence of Observation
+        What was not fitted. Parameters count as the explanation only if they also reproduce these.
+
+    Returns
+    -------
+    Verdict
     """
-    limit = noise_limit(observations)
-    z = [
-        ((np.asarray(y) - o.values) / o.noise[:, None])[o.mask]
-        for o, y in zip(observations, before, strict=True)
-    ]
+    limit = noise_limit(observations, before)
+    z = [o.deviations(y)[o.mask] for o, y in zip(observations, before, strict=True)]
     nominal = float(np.mean(np.concatenate(z) ** 2))
     fitted = calibrator.chi2_per_sample_
-    figures = f"χ²/N is {nominal:.3g} before and {fitted:.3g} after calibration; noise alone explains up to {limit:.3g}"
+    figures = (
+        f"χ²/N is {nominal:.3g} before and {fitted:.3g} after calibration; noise explains up to {limit:.3g}."
+    )
+    if nominal > limit >= fitted and fitted < limit**-2:
+        return Verdict(
+            "unknown",
+            "What is left is far below what was taken for noise, so errors of that size cannot be seen and nothing "
+            f"can be concluded. {figures} Something else than noise moves before the event: use a window without it, "
+            "or give the noise of the channels.",
+        )
     if nominal <= limit:
         return Verdict(
-            "within-noise", f"The simulation agrees with the recording within its noise. {figures}."
+            "within-noise", f"The simulation agrees with the recording within its noise. {figures}"
         )
-    moved = _moved(calibrator)
     if fitted <= limit:
-        names = ", ".join(moved) if moved else "several parameters together, none of them alone"
-        return Verdict(
-            "parameters",
-            f"The parameters explain the error, all that is left is noise. {figures}. "
-            f"Their intervals exclude the nominal value for: {names}.",
-        )
+        return _explained(figures, calibrator, held_out)
     if not calibrator.converged_:
         return Verdict(
             "unknown",
-            f"The search did not converge, so it cannot be told whether parameters explain the error. {figures}. "
+            f"The search did not converge, so it cannot be told whether parameters explain the error. {figures} "
             "Allow more iterations or starts, or narrow the bounds.",
         )
-    share = 1.0 - fitted / nominal
     bounds = [name for name, at in zip(calibrator.names_, calibrator.at_bound_, strict=True) if at]
-    pressed = (
-        f" At a bound: {', '.join(bounds)}, which points to a missing effect or a wrong bound."
-        if bounds
-        else ""
-    )
+    pressed = ""
+    if bounds:
+        pressed = (
+            f" At a bound: {', '.join(bounds)}, which points to a missing effect, a wrong bound, or a wrong unit, "
+            "base or sign of the recording."
+        )
     return Verdict(
         "unknown",
-        f"No values of these parameters inside their bounds reproduce the recording. {figures}. Calibration removes "
-        f"{100 * share:.0f} % of the weighted squared error; the rest is not parameters of this model, but its "
-        f"cause is not named here. Calibrated values then also make up for what the model lacks and must not be taken "
-        f"for measured ones; the rankings assume that parameters carry the error.{pressed}",
+        f"The search found no values of these parameters inside their bounds that reproduce the recording. {figures} "
+        f"Calibration removes {100 * (1.0 - fitted / nominal):.0f} % of the weighted squared error; the rest is not "
+        f"parameters of this model as far as a search from {len(calibrator.starts_)} starts can tell, and its cause is "
+        "not named here. Calibrated values then also make up for what the model lacks and must not be taken for "
+        f"measured ones; the rankings assume that parameters carry the error.{pressed}",
+    )
+
+
+def held_out_limit(calibrator: Any, observation: Observation) -> tuple[float, float]:
+    """χ²/N of a recording that was not fitted, and the largest that noise and uncertain parameters explain.
+
+    Uncertain parameters raise the expected χ²/N by the mean predictive variance, trace(J C Jᵀ)/N with the covariance C
+    of the fit and the sensitivities J; six times that is exceeded in about 1 % of cases even if a single direction
+    carries it all (χ² with one degree of freedom).
+
+    Parameters
+    ----------
+    calibrator : MAPCalibrator
+        Fitted, with `covariance_`.
+    observation : Observation
+
+    Returns
+    -------
+    value, limit : float
+    """
+    simulator, space = calibrator.simulator_, calibrator.simulator_.parameters
+    columns = [space.index(name) for name in calibrator.names_]
+    variances, directions = np.linalg.eigh(calibrator.covariance_)
+    steps = np.zeros((len(columns), len(space)))
+    steps[:, columns] = (directions * np.sqrt(np.maximum(variances, 0.0))).T
+    low, high = space.bounds.T
+    theta = np.clip(
+        np.vstack([calibrator.theta_[None], calibrator.theta_ + steps, calibrator.theta_ - steps]), low, high
+    )
+    responses = simulator.simulate(theta, observation.event).values
+    z = observation.deviations(responses)[:, observation.mask]
+    forward, backward = np.split(z[1:], 2)
+    spread = np.nansum((0.5 * (forward - backward)) ** 2, axis=0)
+    return float(np.mean(z[0] ** 2)), noise_limit([observation], [responses[0]]) + 6.0 * float(
+        np.mean(spread)
+    )
+
+
+def _explained(figures: str, calibrator: Any, held_out: Sequence[Observation]) -> Verdict:
+    """Verdict where the fitted recordings are reproduced within noise."""
+    failed = []
+    for observation in held_out:
+        value, allowed = held_out_limit(calibrator, observation)
+        if not value <= allowed:  # also where the simulation failed
+            failed.append(f"{observation.event.name} (χ²/N {value:.3g}, explained up to {allowed:.3g})")
+    if failed:
+        return Verdict(
+            "unknown",
+            "Values of the parameters reproduce what was fitted but not what was held out: "
+            f"{', '.join(failed)}. {figures} So they make up for something else, and its cause is not named here.",
+        )
+    judged = (
+        f"They also reproduce {len(held_out)} recordings that were not fitted."
+        if held_out
+        else "No recording was held out, so this is not confirmed on another event."
+    )
+    caution = (
+        "A scale error of a measurement, a wrong constant of the model or a weak effect that it lacks can look the "
+        "same."
+    )
+    if not calibrator.converged_:
+        return Verdict(
+            "parameters",
+            f"Values of the parameters reproduce the recording within its noise, but the search did not converge: the "
+            f"values are not the best ones and their intervals do not hold. {figures} {judged} {caution}",
+        )
+    moved = _moved(calibrator)
+    names = ", ".join(moved) if moved else "several parameters together, none of them alone"
+    return Verdict(
+        "parameters",
+        f"Values of the parameters reproduce the recording within its noise. {figures} {judged} Their intervals "
+        f"exclude the nominal value for: {names}. {caution}",
     )
 
 

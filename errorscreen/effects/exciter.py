@@ -1,6 +1,7 @@
 r"""Excitation system SEXS: voltage control of a machine whose model has a constant field voltage.
 
-PSS/E model library and IEEE Std 421.5 (simplified excitation system), in deviations from the equilibrium:
+The simplified excitation system SEXS of the PSS/E model library (T_A/T_B, T_B, K, T_E, limits), in deviations from
+the equilibrium:
 
 .. math::
 
@@ -8,6 +9,8 @@ PSS/E model library and IEEE Std 421.5 (simplified excitation system), in deviat
     T_B\,\dot x &= e - x,\quad y = x + (T_A/T_B)(e - x)                        & (X2)\\
     T_E\,\dot E &= K y - E,\quad E_{min} \le E_{fd0} + E \le E_{max}             & (X3)\\
     E_{fd} &= E_{fd0} + E                                                      & (X4)
+
+The limits are those of a typical static exciter, 0 and 5 pu.
 """
 
 from __future__ import annotations
@@ -53,6 +56,6 @@ EXCITER = Effect(
     initialise=_start,
     description="The voltage regulator raises the field voltage when the terminal voltage falls. A model with constant "
     "field voltage misses the slow rise of reactive power after a dip and part of the damping.",
-    source="PSS/E model SEXS; IEEE Std 421.5",
+    source="PSS/E model library, SEXS",
     confused_with=("a larger or smaller T'd0", "a field-current limiter", "a power system stabiliser"),
 )

@@ -23,10 +23,11 @@ One rotating mass; the pitch is fixed, so the aerodynamic power is constant over
     \dot I_p = \min\big((I_p^* - I_p)/T_{CO},\ R_{IP}\big)                              & (W10)\\
     T_{jw}\,\dot\omega_r &= (P_0 - P)/\omega_r                                         & (W11)
 
-:math:`\ell` in (W10) is the low-voltage power logic: 0 below `zerox`, 1 above `brkpt`, linear between. The
-line-drop compensation :math:`X_c` in (W6) gives the two integrators (W5), (W6) their damping when the terminal
-voltage is imposed, as it is in playback. Integrators do not wind up: beyond their limits they decay with the time
-constant `Taw`.
+:math:`\ell` in (W10) is the low-voltage power logic: 0 below `zerox`, 1 above `brkpt`, linear between. The reactive
+droop :math:`X_c` in (W6), as Kc of the generic plant controller REPC_A, gives the two integrators (W5), (W6) their
+damping when the terminal voltage is imposed, as it is in playback. Integrators do not wind up: beyond their limits
+they decay with the time constant `Taw`. Some typical values are ours, because playback of seconds asks for others than
+the cited reports: those have KPV 18 and KIV 5, a slower frequency filter (1 s) and a wider dead band.
 """
 
 from __future__ import annotations
@@ -168,7 +169,7 @@ DFIG_PLANT = Device(
         Constant("Vmax", 1.15, "pu", "upper limit of the voltage reference"),
         Constant("Iqmax", 1.0, "pu", "limit of the reactive current"),
         Constant("Ipmax", 1.22, "pu", "limit of the active current"),
-        Constant("Xc", 0.1, "pu", "line-drop compensation"),
+        Constant("Xc", 0.1, "pu", "reactive droop of the voltage control"),
         Constant("zerox", 0.4, "pu", "voltage below which no active current flows"),
         Constant("brkpt", 0.9, "pu", "voltage above which the active current is not reduced"),
         Constant("Twowi", 5.5, "s", "washout of the virtual inertia"),

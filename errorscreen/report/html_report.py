@@ -23,7 +23,7 @@ SECTIONS = ("responses", "errors", "screening", "calibration")
 #: What a verdict means, in one line.
 HEADLINES = {
     "within-noise": "The simulation agrees with the recording within its noise",
-    "parameters": "Parameters of the model explain the error",
+    "parameters": "Parameters of the model can explain the error",
     "measurement": "The measurement itself explains the error",
     "effect": "The model lacks an effect",
     "unknown": "The cause of the error is not known",

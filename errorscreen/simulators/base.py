@@ -27,7 +27,7 @@ class Status(IntEnum):
 
 REMEDIES = {
     Status.OK: "",
-    Status.DIVERGED: "a state left the plausible range or became NaN: reduce the step, narrow the parameter "
+    Status.DIVERGED: "the response left the plausible range or became NaN: reduce the step, narrow the parameter "
     "bounds, or check the units of the recording",
     Status.NO_EQUILIBRIUM: "no steady state exists for the recorded pre-event values: check the sign and base "
     "of P and Q, or the limits of the device",

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import PchipInterpolator
 
 from errorscreen.effects import LIBRARY, Effect
 from errorscreen.engine import Engine, ReferenceEngine
@@ -17,7 +18,7 @@ from errorscreen.exceptions import InputError, unknown_name
 from errorscreen.parameters import ParameterSpace
 from errorscreen.power import DEVICES, Device
 from errorscreen.recordings import Observation, Recording
-from errorscreen.signals import scatter
+from errorscreen.signals import correlation_time, scatter
 from errorscreen.simulators.assembly import assemble
 from errorscreen.simulators.base import Responses, Simulator, Status
 from errorscreen.simulators.playback import playback_observation
@@ -42,7 +43,7 @@ class PlantSimulator(Simulator):
         Candidate parameters, a subset of the device's in any order, with their nominal values and bounds;
         those left out stay at the device's typical value. All of the device's own where not given.
     constants : mapping of str to float, optional
-        Values of the device's other constants.
+        Values of the device's other constants. The nominal frequency ``f0`` is that of the recording.
     channels : iterable of str, optional
         Of ``"P"``, ``"Q"``; those that were recorded where not given.
     step : float
@@ -100,7 +101,7 @@ class PlantSimulator(Simulator):
         self.parameters = device.candidates if parameters is None else parameters
         for name in self.parameters.names:
             device.candidates.index(name)
-        self.constants = device.constant_values(constants)
+        self.constants = _with_frequency(device.constant_values(constants), recording, constants)
         self.effects = tuple(LIBRARY.get(device.name, ()) if effects is None else effects)
         self.extensions: tuple[Effect, ...] = ()
         self.step, self.dt = step, dt
@@ -117,9 +118,12 @@ class PlantSimulator(Simulator):
     def observe(self, recording: Any) -> Observation:
         """Bring a recording onto this simulator's channels, units (pu) and time grid.
 
-        The noise of a channel is what simulation and measurement differ by before the event, where that is more than
-        the channel's own: the noise of the injected voltage passes through the device, and a stiff device
-        amplifies it.
+        Three uncertainties are added to the noise of the channels themselves. The noise of the injected voltage
+        passes through the device, and a stiff device amplifies it: where simulation and measurement differ by more
+        before the event, that is the noise. The level from which the simulation starts is a mean of noisy samples
+        (`Observation.level_std`). And the voltage is not known between its samples, nor is the integration exact:
+        where another interpolation or half the step changes the nominal response by more than noise does, that
+        change counts as uncertain (`Observation.extra`).
 
         Parameters
         ----------
@@ -143,7 +147,7 @@ class PlantSimulator(Simulator):
             needs_angle=self.device.needs_angle,
             operating_point=self.operating_point,
         )
-        return self._with_injected_noise(observation, recording.quiet)
+        return self._with_uncertainty(observation, recording.quiet)
 
     def extend(self, effect: Effect | str, **options: Any) -> PlantSimulator:
         """Add an effect of the library; its parameters join `parameters`, the strength first.
@@ -181,11 +185,17 @@ class PlantSimulator(Simulator):
         event : Playback, optional
             `self.event` where not given.
         """
-        theta = self.parameters.validate(theta)
         event = self.event if event is None else event
         if not isinstance(event, Playback):
             raise InputError(f"a plant cannot be driven by a {type(event).__name__}", allowed="Playback")
-        every = max(1, int(np.ceil(event.dt / self.step - 1e-9)))
+        return self._run(theta, event)
+
+    def _run(
+        self, theta: ArrayLike, event: Playback, interpolation: str = "pchip", step: float | None = None
+    ) -> Responses:
+        """Simulate with a given interpolation of the voltage and longest step."""
+        theta = self.parameters.validate(theta)
+        every = max(1, int(np.ceil(event.dt / (step or self.step) - 1e-9)))
         h = event.dt / every
         values = self._values(theta, event)
         with np.errstate(all="ignore"):  # an absurd parameter shows in `feasible`
@@ -198,7 +208,7 @@ class PlantSimulator(Simulator):
             out[start] = self._engine.integrate(
                 x0[start],
                 constants[start],
-                _inputs(event, every, self.device.needs_angle),
+                _inputs(event, every, self.device.needs_angle, interpolation),
                 h=h,
                 every=every,
                 memories=memories[start],
@@ -210,8 +220,10 @@ class PlantSimulator(Simulator):
         rows = [self.device.outputs.index(name) for name in self.channels]
         return Responses(out[:, rows], status.astype(np.int64), event.time, self.channels)
 
-    def _with_injected_noise(self, observation: Observation, quiet: tuple[float, float]) -> Observation:
-        responses = self.simulate(self.parameters.nominal, observation.event)
+    def _with_uncertainty(self, observation: Observation, quiet: tuple[float, float]) -> Observation:
+        event, nominal = observation.event, self.parameters.nominal
+        assert isinstance(event, Playback)
+        responses = self.simulate(nominal, event)
         if not responses.ok.all():  # whoever simulates will be told
             return observation
         part = (observation.time >= quiet[0]) & (observation.time <= quiet[1])
@@ -223,7 +235,24 @@ class PlantSimulator(Simulator):
             for name, new, old in zip(self.channels, noise, observation.noise, strict=True)
             if new > 1.1 * old
         ]
-        return replace(observation, noise=noise, assumptions=(*observation.assumptions, *notes))
+        extra = np.zeros(observation.values.shape)
+        for other in (self._run(nominal, event, "linear"), self._run(nominal, event, step=0.5 * self.step)):
+            change = np.abs(other.values[0] - responses.values[0])
+            usual = 3.0 * change[:, part].max(axis=1, initial=0.0)  # what noise alone makes of it
+            extra = np.hypot(extra, np.where(np.isfinite(change) & (change > usual[:, None]), change, 0.0))
+        for name, sigma, more in zip(self.channels, noise, extra, strict=True):
+            if more.max() > sigma:
+                notes.append(
+                    f"{name} is uncertain by up to {more.max():.2g} pu at {observation.time[more.argmax()]:.4g} s, "
+                    "because the voltage is not known between its samples or the integration step is too coarse for it."
+                )
+        return replace(
+            observation,
+            noise=noise,
+            extra=extra,
+            level_std=noise * np.sqrt([correlation_time(e) / max(len(e), 1) for e in errors]),
+            assumptions=(*observation.assumptions, *notes),
+        )
 
     def _values(self, theta: NDArray[np.float64], event: Playback) -> dict[str, NDArray[np.float64]]:
         """All constants, parameters and the operating point by name, each of shape (n,)."""
@@ -252,6 +281,23 @@ class PlantSimulator(Simulator):
         return tuple(np.array([values[n] for n in group]).reshape(len(group), len(one)).T for group in names)  # type: ignore[return-value]
 
 
+def _with_frequency(
+    values: dict[str, float], recording: Any, given: Mapping[str, float] | None
+) -> dict[str, float]:
+    """Constants with the nominal frequency of the recording, which a stated one must not contradict."""
+    if "f0" not in values or not isinstance(recording, Recording):
+        return values
+    stated = (given or {}).get("f0", recording.f_nominal)
+    if stated != recording.f_nominal:
+        raise InputError(
+            f"the constant f0 is {stated:g} Hz, but the recording's nominal frequency is {recording.f_nominal:g} Hz",
+            where="PlantSimulator",
+            allowed="the same frequency",
+            remedy="Leave f0 out, or correct f_nominal",
+        )
+    return {**values, "f0": recording.f_nominal}
+
+
 def _channels(recording: Any, channels: Iterable[str] | None, outputs: tuple[str, ...]) -> tuple[str, ...]:
     """Names of the observed channels."""
     if channels is not None:
@@ -272,21 +318,28 @@ def _channels(recording: Any, channels: Iterable[str] | None, outputs: tuple[str
     return channels
 
 
-def _inputs(event: Playback, every: int, needs_angle: bool) -> NDArray[np.float64]:
+def _inputs(event: Playback, every: int, needs_angle: bool, interpolation: str) -> NDArray[np.float64]:
     """Terminal voltage Vr, Vi at every half step, shape (2 * n_steps + 1, 2).
 
-    Magnitude and angle are interpolated linearly between samples, so that a turning phasor keeps its length.
+    Magnitude and angle are interpolated, not the components, so that a turning phasor keeps its length; by monotone
+    cubics (F. N. Fritsch and J. Butland, SIAM J. Sci. Stat. Comput. 5, 1984), which follow a smooth signal to a higher
+    order than straight lines and do not overshoot at a step.
     """
     if "V" not in event.signals or (needs_angle and "angle" not in event.signals):
         raise InputError(
             f"the event {event.name!r} has the signals {', '.join(event.signals) or 'none'}",
             allowed="V, and angle for this device",
         )
-    half_steps = 2 * every * (len(event.time) - 1) + 1
-    position = np.arange(half_steps) / (2 * every)
     samples = np.arange(len(event.time))
-    V = np.interp(position, samples, event.signals["V"])
+    position = np.arange(2 * every * samples[-1] + 1) / (2 * every)
+
+    def between(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        if interpolation == "linear":
+            return np.interp(position, samples, values)
+        return np.asarray(PchipInterpolator(samples, values)(position))
+
+    V = between(event.signals["V"])
     if "angle" not in event.signals:
         return np.column_stack([V, np.zeros_like(V)])
-    angle = np.interp(position, samples, event.signals["angle"])
+    angle = between(event.signals["angle"])
     return np.column_stack([V * np.cos(angle), V * np.sin(angle)])

@@ -16,6 +16,7 @@ from errorscreen.simulators.base import Simulator
 def calibrate_map(
     simulator: Simulator,
     observation: Observation,
+    held_out: Sequence[Observation],
     section: CalibrationSection,
     run: RunSection,
     progress: bool,
@@ -31,7 +32,7 @@ def calibrate_map(
         random_state=run.random_state,
         progress=progress,
     ).fit(observation)
-    verdict = judge([observation], [simulator.baseline(observation.event)], calibrator)
+    verdict = judge([observation], [simulator.baseline(observation.event)], calibrator, held_out)
     arrays = {
         "theta": calibrator.theta_,
         "intervals": calibrator.intervals_,

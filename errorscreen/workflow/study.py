@@ -265,7 +265,9 @@ def run_study(
         )
     report("calibration: map on all parameters")
     settings = (study.calibration, study.run, progress)
-    arrays, meta = store.get("calibration-map", lambda: calibrate_map(simulator, observation, *settings))
+    arrays, meta = store.get(
+        "calibration-map", lambda: calibrate_map(simulator, observation, study.held_out, *settings)
+    )
     verdict = Verdict(**meta["verdict"])
     calibrated = []
     for calibrator in study.calibration.methods:

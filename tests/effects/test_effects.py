@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.interpolate import PchipInterpolator
 
 from errorscreen.effects import LIBRARY, measurement_lag
 from errorscreen.exceptions import InputError
@@ -93,8 +94,10 @@ def test_exciter_supports_the_voltage_as_its_equations_say():
     machine = Machine(p, 1.0, 0.7, 0.15)
     low, high = -machine.efd, 5.0 - machine.efd
 
+    voltage = PchipInterpolator(event.time, event.signals["V"])
+
     def slope(t, x):
-        V = float(np.interp(t, event.time, event.signals["V"]))
+        V = float(voltage(t))
         lead, E = x[4:]
         machine.efd = efd0 + min(max(E, low), high)
         output = lead + TA_TB * (1.0 - V - lead)

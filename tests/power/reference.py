@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 from scipy.integrate import solve_ivp
+from scipy.interpolate import PchipInterpolator
 
 
 def limited(x, low, high):
@@ -147,9 +148,10 @@ def trajectory(name, parameters, event):
     """P and Q, shape (2, L), by an implicit adaptive method, restarted at every sample of the voltage."""
     device = DEVICES[name](parameters, event.initial["V"], event.initial["P"], event.initial["Q"])
 
+    magnitude, angle = (PchipInterpolator(event.time, event.signals[name]) for name in ("V", "angle"))
+
     def voltage(t):
-        magnitude = np.interp(t, event.time, event.signals["V"])
-        return magnitude * cmath.exp(1j * float(np.interp(t, event.time, event.signals["angle"])))
+        return float(magnitude(t)) * cmath.exp(1j * float(angle(t)))
 
     x, powers = np.array(device.start(), dtype=float), []
     for start, stop in zip(event.time[:-1], event.time[1:], strict=True):

@@ -62,7 +62,7 @@ def test_every_section_is_there():
     wanted = ["verdict", "case", "responses", "errors", "screening", "calibration", "data", "run"]
     assert outline.ids == wanted
     for words in (
-        "Parameters of the model explain the error All that is left is noise.",
+        "Parameters of the model can explain the error All that is left is noise.",
         "0.1 0.02 −80 %",
         "second trip, held out",
         "not identifiable",
