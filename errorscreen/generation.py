@@ -189,7 +189,9 @@ def generate_dataset(
         if random_state is None:
             raise InputError("random_state is None, so the samples differ in each call", where="checkpoint")
         fingerprint = {
-            "simulator": digest(type(simulator).__qualname__, simulator.channels, baseline),
+            "simulator": digest(
+                type(simulator).__qualname__, simulator.channels, simulator.settings(), baseline
+            ),
             "parameters": digest(list(simulator.parameters)),
             "event": digest(event),
             "samples": digest(theta, rows),

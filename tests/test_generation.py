@@ -10,6 +10,7 @@ from errorscreen.exceptions import DataWarning, InputError, SimulationError
 from errorscreen.generation import generate_dataset, local_sensitivity
 from errorscreen.metrics import top_k_overlap
 from errorscreen.simulators.base import Status
+from tests.plants import dip, plant
 from tests.toys import TIME, Pulse, Toy, linear, oscillator
 
 NAMES = ("theta", "responses", "contributions", "status")
@@ -117,7 +118,7 @@ def test_a_range_narrower_than_two_steps_is_halved():
 
 def test_failures_are_counted_aloud_and_masked():
     simulator = oscillator(fail_above=9.0)
-    with pytest.warns(DataWarning, match=r"of 60 samples are masked: .*DIVERGED: a state left"):
+    with pytest.warns(DataWarning, match=r"of 60 samples are masked: .*DIVERGED: the response left"):
         data = generate_dataset(simulator, 60, random_state=0)
     expected = data.theta[:, 0] + 6e-3 > 9.0
     assert data.n_failed == expected.sum() > 0
@@ -254,3 +255,12 @@ class TestErrorDataset:
         np.savez(tmp_path / "x.npz", a=np.ones(2))
         with pytest.raises(InputError, match="not written by errorscreen"):
             ErrorDataset.load(tmp_path / "x.npz")
+
+
+def test_a_checkpoint_belongs_to_the_constants_of_the_simulator(tmp_path):
+    """Also to one that the nominal response does not feel."""
+    event = dip(stop=2.0)
+    wide, narrow = (plant("dfig_plant", event, constants={"Pwimax": limit}) for limit in (0.1, 0.03))
+    generate_dataset(wide, 20, random_state=0, checkpoint=tmp_path)
+    with pytest.raises(InputError, match="belongs to another run: simulator"):
+        generate_dataset(narrow, 20, random_state=0, checkpoint=tmp_path)

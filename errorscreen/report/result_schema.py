@@ -215,6 +215,9 @@ class Run(Part):
     packages: dict[str, str] = {}
     random_state: int
     n_jobs: int = 1
+    threads: int | None = Field(
+        default=None, description="of the training of the network, whose rounding errors depend on them"
+    )
     step: Number = Field(default=None, description="longest integration step, in s")
     n_simulations: int
     n_failed: int = 0

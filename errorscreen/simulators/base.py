@@ -140,6 +140,13 @@ class Simulator(ABC):
         changed.parameters = self.parameters.replace(changes)
         return changed
 
+    def settings(self) -> dict[str, Any]:
+        """Everything that responses depend on beside parameters and event, for fingerprints of stored results.
+
+        Override it in a simulator that has constants, steps or options of its own.
+        """
+        return {}
+
     def baseline(self, event: Event | None = None) -> NDArray[np.float64]:
         """Response at the nominal parameters, y₀ = F(θ₀), shape (R, L)."""
         responses = self.simulate(self.parameters.nominal, event)

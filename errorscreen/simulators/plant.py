@@ -176,6 +176,15 @@ class PlantSimulator(Simulator):
         extended.extensions = (*self.extensions, added)
         return extended
 
+    def settings(self) -> dict[str, Any]:
+        """Device, constants, longest step and added effects; see `Simulator.settings`."""
+        return {
+            "device": self.device.name,
+            "constants": self.constants,
+            "step": self.step,
+            "extensions": [effect.name for effect in self.extensions],
+        }
+
     def simulate(self, theta: ArrayLike, event: Event | None = None) -> Responses:
         """Simulate every row of `theta`; see `Simulator.simulate`.
 

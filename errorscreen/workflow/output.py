@@ -89,6 +89,7 @@ def build_result(outcome: Outcome) -> Result:
             packages=_versions(),
             random_state=study.run.random_state,
             n_jobs=study.run.n_jobs,
+            threads=next((s.threads for s in outcome.screened if s.threads), None),
             step=getattr(study.simulator, "step", None),
             n_simulations=sum(s if isinstance(s, int) else s.n_simulations for s in simulations),
             n_failed=sum(s.n_failed for s in outcome.screened)

@@ -39,6 +39,8 @@ class Screened:
         Selected parameters, the most suspicious first.
     seconds : float
     n_simulations, n_failed : int
+    threads : int or None
+        Of the training, where there was one.
     """
 
     method: str
@@ -47,6 +49,7 @@ class Screened:
     seconds: float
     n_simulations: int
     n_failed: int
+    threads: int | None
 
 
 def selector(section: ScreeningSection) -> TopKSelector | RelativeThresholdSelector:
@@ -91,6 +94,7 @@ def screen(
         "seconds": perf_counter() - start,
         "n_simulations": n_simulations,
         "n_failed": n_failed,
+        "threads": _training_threads() if method == "cnn" else None,
     }
     return {"contributions": contributions}, meta
 
@@ -106,6 +110,13 @@ def error_pipeline(
         cnncontributionregressor__max_epochs=section.epochs,
         cnncontributionregressor__verbose=verbose,
     )
+
+
+def _training_threads() -> int:
+    """Threads of torch: sums are rounded differently with another number, and training amplifies that."""
+    import torch
+
+    return int(torch.get_num_threads())
 
 
 def _network(

@@ -111,9 +111,8 @@ class Study:
         return digest(
             errorscreen.__version__,
             [(p.name, p.nominal, p.lower, p.upper, p.scale) for p in self.simulator.parameters],
-            vars(self.simulator).get("constants", {}),
             repr(self.simulator),
-            vars(self.simulator).get("step", 0.0),
+            self.simulator.settings(),
             self.observation,
             list(self.held_out),
             [s.model_dump(exclude={"n_jobs", "out"}) for s in (self.screening, self.calibration, self.run)],
@@ -261,6 +260,7 @@ def run_study(
                 meta["seconds"],
                 meta["n_simulations"],
                 meta["n_failed"],
+                meta["threads"],
             )
         )
     report("calibration: map on all parameters")
