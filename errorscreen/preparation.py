@@ -13,6 +13,10 @@ from errorscreen.exceptions import DataWarning, InputError, unknown_name
 
 #: In pu: what moves less is no event.
 LEAST_MOVE = 0.002
+#: Part of a channel's largest excursion that it may move before a stated event.
+CLEAR_MOVE = 0.2
+#: Samples after the start of the event, below which there is no response to compare with.
+MIN_AFTER = 5
 #: In pu: what is plausible before an event.
 PLAUSIBLE_V, PLAUSIBLE_P = (0.5, 1.5), 2.0
 
@@ -27,6 +31,28 @@ def check_extras(
     for name in given:
         if name in values:
             raise InputError(f"{name!r} is measured and given", where=where, allowed="one of them")
+
+
+def in_window(
+    time: NDArray[np.float64], start: float | None, stop: float | None, where: str
+) -> NDArray[np.bool_]:
+    """Which samples lie from `start` to `stop` seconds, both included; an end that is None is open.
+
+    Examples
+    --------
+    >>> in_window(np.arange(5.0), 1.0, 3.0, "recording")
+    array([False,  True,  True,  True, False])
+    """
+    first, last = float(time[0]), float(time[-1])
+    start, stop = first if start is None else start, last if stop is None else stop
+    keep = (time >= start) & (time <= stop)
+    if keep.sum() < 2:
+        raise InputError(
+            f"the window from {start:g} to {stop:g} s holds {int(keep.sum())} samples",
+            where=where,
+            allowed=f"a window within {first:g} to {last:g} s",
+        )
+    return keep
 
 
 def find_event(
@@ -64,6 +90,53 @@ def quiet_part(time: NDArray[np.float64], start: float, where: str) -> tuple[flo
             remedy="Use a recording that starts earlier, or correct event_time",
         )
     return float(before[0]), float(before[-1 - guard])
+
+
+def check_rest(
+    time: NDArray[np.float64],
+    values: Mapping[str, NDArray[np.float64]],
+    quiet: tuple[float, float],
+    notes: list[str],
+    where: str,
+) -> None:
+    """Refuse a quiet part in which a channel moves like in an event, and warn where it moves clearly.
+
+    The event that would be detected if none was stated must not begin there. A small one may be a switching or ambient
+    swing; one of `CLEAR_MOVE` of the channel's largest excursion is an event of its own.
+    """
+    for name in (k for k in ("V", "P", "Q") if k in values):
+        keep = np.isfinite(values[name])
+        t, x = time[keep], values[name][keep]
+        first = signals.first_departure(t, x, least=LEAST_MOVE)
+        part = t <= quiet[1]
+        if first is None or not part[min(first + 2, len(part) - 1)]:
+            continue
+        distance = np.abs(x - np.median(x[: max(first, signals.MIN_QUIET)]))
+        size = float(np.max(distance[part]) / np.max(distance))
+        found = (
+            f"{name} moves from {t[first]:g} s on by {size:.0%} of its largest excursion, before the event"
+        )
+        if size > CLEAR_MOVE:
+            raise InputError(
+                f"{found}, so there is no quiet part",
+                where=where,
+                allowed="an event_time at the first disturbance that is read",
+                remedy="Correct event_time, or set t_start behind the earlier disturbance",
+            )
+        notes.append(f"{found}; noise and operating point are taken from there all the same.")
+        warnings.warn(f"{where}: {notes[-1]}", DataWarning, stacklevel=3)
+
+
+def check_response(time: NDArray[np.float64], start: float, where: str) -> None:
+    """Refuse a recording that ends with its event: nothing could be compared."""
+    after = int(np.sum(time >= start))
+    if after < MIN_AFTER:
+        raise InputError(
+            f"{after} samples lie after the event at {start:g} s",
+            where=where,
+            allowed=f"at least {MIN_AFTER}",
+            remedy="Use a recording or a window that ends later, or correct event_time",
+        )
 
 
 def treat_held(values: dict[str, NDArray[np.float64]], held: str, notes: list[str]) -> None:

@@ -140,7 +140,13 @@ class Recording:
         Raises
         ------
         InputError
-            As `Recording`, and if there is no quiet part or no event to be found.
+            As `Recording`, and if there is no quiet part or no event to be found, the channels move before the
+            stated event as they do in one, or the recording ends with the event.
+
+        Warns
+        -----
+        DataWarning
+            If pre-event values are implausible, or a channel moves a little before the stated event.
 
         Examples
         --------
@@ -162,6 +168,9 @@ class Recording:
         start = preparation.find_event(t, arrays, event_time, notes, where)
         preparation.treat_held(arrays, held, notes)
         quiet = preparation.quiet_part(t, start, where)
+        preparation.check_response(t, start, where)
+        if event_time is not None:
+            preparation.check_rest(t, arrays, quiet, notes, where)
         channels = {}
         for key, v in arrays.items():
             unit = ROLE_UNITS.get(key) or (units or {}).get(key, "")
@@ -208,25 +217,31 @@ class Recording:
         return means
 
     def window(self, start: float | None = None, stop: float | None = None) -> Recording:
-        """Cut to the samples from `start` to `stop` seconds, both included.
+        """Cut to the samples from `start` to `stop` seconds, both included; event and noise stay as they are.
+
+        To leave an earlier event out, give `t_start` to the function that reads the recording: the event and the
+        noise are then taken from what is left.
 
         Raises
         ------
         InputError
-            If fewer than two samples are left.
+            If too little is left before or after the event.
         """
-        first, last = float(self.time[0]), float(self.time[-1])
-        start, stop = first if start is None else start, last if stop is None else stop
-        keep = (self.time >= start) & (self.time <= stop)
-        if keep.sum() < 2:
+        where = f"recording {self.name!r}"
+        keep = preparation.in_window(self.time, start, stop, where)
+        time = self.time[keep]
+        quiet = (max(self.quiet[0], float(time[0])), self.quiet[1])
+        left = int(np.sum((time >= quiet[0]) & (time <= quiet[1])))
+        if left < signals.MIN_QUIET:
             raise InputError(
-                f"the window from {start:g} to {stop:g} s holds {int(keep.sum())} samples",
-                where=f"recording {self.name!r}",
-                allowed=f"a window within {first:g} to {last:g} s",
+                f"the window leaves {left} quiet samples before the event at {self.event_time:g} s",
+                where=where,
+                allowed=f"at least {signals.MIN_QUIET}",
+                remedy="Start the window earlier",
             )
+        preparation.check_response(time, self.event_time, where)
         channels = {k: replace(c, values=c.values[keep]) for k, c in self.channels.items()}
-        quiet = (max(self.quiet[0], start), min(self.quiet[1], stop))
-        return replace(self, time=self.time[keep], channels=channels, quiet=quiet)
+        return replace(self, time=time, channels=channels, quiet=quiet)
 
     def resample(
         self,

@@ -256,7 +256,9 @@ def detect_event(
     for name, values in channels.items():
         x = np.asarray(values, dtype=float)
         keep = np.isfinite(x)
-        first = _first_outside(t[keep], x[keep], (n_sigma, fraction, least), persist)
+        first = first_departure(
+            t[keep], x[keep], n_sigma=n_sigma, fraction=fraction, least=least, persist=persist
+        )
         if first is not None:
             onsets[name] = (float(t[keep][first]), _rests(t[keep], x[keep], first))
     if not onsets:
@@ -287,13 +289,33 @@ def _rests(t: NDArray[np.float64], x: NDArray[np.float64], first: int) -> bool:
     return drift - 3 * sigma * float(np.sqrt(12 / first)) < 0.2 * excursion  # less the drift of mere noise
 
 
-def _first_outside(
-    t: NDArray[np.float64], x: NDArray[np.float64], width: tuple[float, float, float], persist: int
+def first_departure(
+    time: ArrayLike,
+    values: ArrayLike,
+    *,
+    n_sigma: float = 6.0,
+    fraction: float = 0.05,
+    least: float = 0.0,
+    persist: int = 3,
 ) -> int | None:
-    """Index of the first of `persist` readings in a row outside the quiet band, or None."""
+    """Index of the first of `persist` readings in a row outside the quiet band; None if there is none.
+
+    Parameters
+    ----------
+    time, values : array-like of shape (L,)
+        Without gaps.
+    n_sigma, fraction, least, persist
+        As in `detect_event`.
+
+    Examples
+    --------
+    >>> t = np.arange(100) / 50
+    >>> first_departure(t, np.where(t < 1.0, 1.0, 0.7)), first_departure(t, np.ones(100))
+    (50, None)
+    """
+    t, x = np.asarray(time, dtype=float), np.asarray(values, dtype=float)
     if len(x) < 2 * MIN_QUIET:
         return None
-    n_sigma, fraction, least = width
     size = max(2 * MIN_QUIET, min(len(x) // 10, 20), len(x) // 100)
     first = None
     for _ in range(5):  # the band is drawn again from all readings before the instant it found

@@ -115,9 +115,42 @@ def test_a_window_keeps_event_and_noise():
     assert len(rec.window().time) == len(rec.time)
 
 
-def test_a_window_without_quiet_part_has_no_initial_value():
-    with pytest.raises(InputError, match=r"channel 'V' has no reading before the event"):
-        make().window(1.2, 4.0).initial(["V"])
+@pytest.mark.parametrize(
+    ("window", "message"),
+    [
+        ((1.2, 4.0), "the window leaves 0 quiet samples before the event at 1 s"),
+        ((0.0, 1.05), "4 samples lie after the event at 1 s. Allowed: at least 5"),
+    ],
+)
+def test_a_window_needs_something_before_and_after_the_event(window, message):
+    with pytest.raises(InputError, match=message):
+        make().window(*window)
+
+
+def test_a_recording_that_ends_with_its_event_is_refused():
+    with pytest.raises(InputError, match=r"2 samples lie after the event at 4\.96"):
+        make(time=TIME, event_time=4.96)
+
+
+def test_a_stated_event_behind_the_real_one_is_refused():
+    with pytest.raises(InputError, match=r"V moves from 1 s on by 100% .*Correct event_time, or set t_start"):
+        make(event_time=4.5)
+
+
+def test_a_small_move_before_the_stated_event_is_warned_of():
+    """A tenth of the excursion, but far above the noise."""
+    power = 0.7 - 0.3 * swing(TIME, 3.0) - 0.03 * (TIME > 1)
+    with pytest.warns(DataWarning, match=r"P moves from 1.\d* s on by 9% of its largest excursion"):
+        rec = Recording.from_arrays(TIME, {"P": power}, base_mva=1, f_nominal=50, event_time=3.0)
+    assert any("before the event" in s for s in rec.assumptions)
+
+
+@given(st.floats(1e-4, 1e-2), st.integers(0, 1000))
+def test_noise_before_the_stated_event_is_no_event(noise, seed):
+    rng = np.random.default_rng(seed)
+    power = 0.7 - 0.3 * swing(TIME, 3.0) + noise * rng.normal(size=len(TIME))
+    rec = Recording.from_arrays(TIME, {"P": power}, base_mva=1, f_nominal=50, event_time=3.0)
+    assert not any("before the event, " in s or "largest excursion" in s for s in rec.assumptions)
 
 
 def test_the_table_has_one_column_for_each_channel():

@@ -59,8 +59,8 @@ class RecordingSection(Section):
     event_time: float | None = Field(
         default=None, description="start of the event in s; detected if not given"
     )
-    t_start: float | None = Field(default=None, description="first instant that is used, in s")
-    t_end: float | None = Field(default=None, description="last instant that is used, in s")
+    t_start: float | None = Field(default=None, description="first instant of the file that is used, in s")
+    t_end: float | None = Field(default=None, description="last instant of the file that is used, in s")
     shift: dict[str, float] = Field(default={}, description="seconds added to the time stamps of a channel")
     noise: dict[str, Positive] = Field(default={}, description="known noise of a channel, in pu, rad or Hz")
     held: Literal["drop", "keep"] = Field(default="drop", description="stale repeats of a slow meter")
@@ -85,14 +85,12 @@ class RecordingSection(Section):
         return self
 
     def load(self, folder: Path, dt: float | None = None) -> Recording:
-        """Read the file, apply the shift and cut the window; a shift resamples to `dt` seconds."""
-        direct = {"path", "columns", "t_start", "t_end", "shift"}
+        """Read the window of the file and apply the shift, which resamples to `dt` seconds."""
+        direct = {"path", "columns", "shift"}
         columns = {role: Column(**dict(section)) for role, section in self.columns.items()}
         options = {key: value for key, value in self if key not in direct}
         recording = read_csv(folder / self.path, columns, **options)
-        if self.shift:
-            recording = recording.resample(dt, shift=self.shift)
-        return recording.window(self.t_start, self.t_end)
+        return recording.resample(dt, shift=self.shift) if self.shift else recording
 
 
 class ParameterSection(Section):

@@ -30,6 +30,8 @@ def read_csv(
     time_unit: str = "s",
     name: str | None = None,
     event_time: float | None = None,
+    t_start: float | None = None,
+    t_end: float | None = None,
     noise: Mapping[str, float] | None = None,
     held: str = "drop",
     missing: Iterable[str] = (),
@@ -48,7 +50,9 @@ def read_csv(
     Parameters
     ----------
     path : path-like
-    columns, base_mva, f_nominal, base_kv, time_unit, event_time, noise, held, missing, on_backward, max_missing
+    columns, base_mva, f_nominal, base_kv, time_unit, event_time, t_start, t_end, noise, held, missing
+        As in `from_frame`.
+    on_backward, max_missing
         As in `from_frame`.
     time : str
         Header of the time stamps.
@@ -91,7 +95,7 @@ def read_csv(
     table = read_table(path, delimiter=delimiter, decimal=decimal, encoding=encoding, skip_rows=skip_rows)
     return build_recording(
         table, columns, time, time_unit, Bases(base_mva, base_kv, f_nominal), missing=missing,
-        decimal=decimal, on_backward=on_backward, max_missing=max_missing,
+        decimal=decimal, on_backward=on_backward, max_missing=max_missing, window=(t_start, t_end),
         name=path.stem if name is None else name, event_time=event_time, noise=noise, held=held,
     )  # fmt: skip
 

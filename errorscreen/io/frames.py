@@ -13,12 +13,14 @@ from errorscreen.exceptions import InputError, check_real
 from errorscreen.io.table import Table
 from errorscreen.io.timestamps import order_samples, read_time
 from errorscreen.io.units import Bases, Column, as_column, convert, unwrap
+from errorscreen.preparation import in_window
 from errorscreen.recordings import ROLE_UNITS, Recording
 
 if TYPE_CHECKING:
     import pandas as pd
 
 Values = dict[str, NDArray[np.float64]]
+Window = tuple[float | None, float | None]
 Specs = Mapping[str, Column | str | Mapping[str, Any]]
 
 
@@ -33,6 +35,8 @@ def from_frame(
     time_unit: str = "s",
     name: str = "recording",
     event_time: float | None = None,
+    t_start: float | None = None,
+    t_end: float | None = None,
     noise: Mapping[str, float] | None = None,
     held: str = "drop",
     missing: Iterable[str] = (),
@@ -60,6 +64,8 @@ def from_frame(
         For messages and reports.
     event_time, noise, held
         As in `Recording.from_arrays`.
+    t_start, t_end : float, optional
+        First and last instant in seconds that is read; samples outside are as if they were not in the table.
     missing : iterable of str
         Further texts that mark a gap.
     on_backward : {"error", "sort", "drop"}
@@ -97,7 +103,8 @@ def from_frame(
     table = Table(cells, range(len(frame)), source, "row")
     return build_recording(
         table, columns, header, time_unit, Bases(base_mva, base_kv, f_nominal), missing=missing,
-        on_backward=on_backward, max_missing=max_missing, name=name, event_time=event_time, noise=noise, held=held,
+        on_backward=on_backward, max_missing=max_missing, window=(t_start, t_end), name=name, event_time=event_time,
+        noise=noise, held=held,
     )  # fmt: skip
 
 
@@ -112,6 +119,7 @@ def build_recording(
     decimal: str = ".",
     on_backward: str = "error",
     max_missing: float = 0.4,
+    window: Window = (None, None),
     **options: Any,
 ) -> Recording:
     """Read, order, convert and check the columns of a table; `options` go to `Recording.from_arrays`."""
@@ -126,6 +134,8 @@ def build_recording(
     stamps, numbers = order_samples(stamps, numbers, table, time, on_backward, notes)
     if len(stamps) < 2:
         raise InputError("there is one sample only", where=table.source, allowed="at least two samples")
+    # before anything is concluded from the samples: an event outside the window must not count
+    stamps, numbers = _cut(stamps, numbers, window, table.source, notes)
     values: Values = {}
     given: dict[str, float] = {}
     for role, spec in specs.items():
@@ -152,6 +162,17 @@ def build_recording(
         assumptions=notes,
         **options,
     )
+
+
+def _cut(
+    time: NDArray[np.float64], values: Values, window: Window, source: str, notes: list[str]
+) -> tuple[NDArray[np.float64], Values]:
+    """Samples within the window."""
+    if window == (None, None):
+        return time, values
+    keep = in_window(time, *window, where=source)
+    notes.append(f"{np.sum(~keep)} of {len(keep)} samples lie outside the window and were not read.")
+    return time[keep], {name: v[keep] for name, v in values.items()}
 
 
 def _check_bases(bases: Bases, max_missing: float, source: str) -> None:

@@ -330,3 +330,35 @@ def test_the_grid_fault_case():
     assert rec.time[-1] <= 4.1
     assert rec.initial("P")["P"] == pytest.approx(0.846, abs=1e-3)
     assert case.parameters()["Xq"].upper == pytest.approx(1.02)
+
+
+def test_an_earlier_event_outside_the_window_does_not_count(tmp_path):
+    """Neither for the event that is detected, nor for the quiet part of one that is stated."""
+    time = np.arange(0, 12, 0.02)
+    rng = np.random.default_rng(0)
+    dips = sum(np.where(time >= t, np.exp(-2 * np.clip(time - t, 0, None)), 0.0) for t in (1.0, 7.0))
+    rows = zip(
+        time,
+        20 - 8 * dips + 0.002 * rng.normal(size=len(time)),
+        -40 + 30 * dips + 0.02 * rng.normal(size=len(time)),
+        strict=True,
+    )
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "rec.csv").write_text(
+        "\n".join(["time,U,P", *(f"{t:.2f},{u},{p}" for t, u, p in rows)])
+    )
+    for window in ("t_start = 5.0", "t_start = 5.0\nevent_time = 7.0"):
+        rec = load_case(write(tmp_path, GOOD.replace("t_end = 2.5", window))).load_recording()
+        assert (rec.time[0], rec.event_time, rec.quiet[0]) == (5.0, 7.0, 5.0)
+        assert rec.channel("P").noise == pytest.approx(0.02 / 50, rel=0.3)
+        assert any("250 of 600 samples lie outside the window" in s for s in rec.assumptions)
+    both = load_case(write(tmp_path, GOOD.replace("t_end = 2.5", "event_time = 7.0")))
+    with pytest.raises(InputError, match="moves from 1 s on .* set t_start"):
+        both.load_recording()
+
+
+def test_a_window_that_ends_before_the_event_is_refused(tmp_path):
+    write_recording(tmp_path)
+    case = load_case(write(tmp_path, GOOD.replace("t_end = 2.5", "t_end = 1.1\nevent_time = 1.0")))
+    with pytest.raises(InputError, match="3 samples lie after the event at 1 s"):
+        case.load_recording()
