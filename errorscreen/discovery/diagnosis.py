@@ -285,7 +285,10 @@ def held_out_limit(calibrator: Any, observation: Observation) -> tuple[float, fl
 
     Returns
     -------
-    value, limit : float
+    value : float
+        χ²/N of the recording.
+    limit : float
+        What noise and uncertain parameters explain.
     """
     simulator, space = calibrator.simulator_, calibrator.simulator_.parameters
     columns = [space.index(name) for name in calibrator.names_]
