@@ -157,14 +157,7 @@ def _start(network: Network, start: ArrayLike | None) -> NDArray[np.complex128]:
             where="load flow",
             allowed="a grid without faults",
         )
-    n = len(network.buses)
-    V = np.ones(n, dtype=complex) if start is None else np.array(start, dtype=complex)
-    if V.shape != (n,) or not np.all(np.isfinite(V) & (V != 0)):
-        raise InputError(
-            f"start has shape {V.shape}, or values that are zero or not finite",
-            where="load flow",
-            allowed=f"{n} complex voltages in pu",
-        )
+    V = network.voltages(np.ones(len(network.buses)) if start is None else start, "start")
     V *= np.exp(-1j * np.angle(V[network.index(network.slack)]))
     for g in network.generators:
         if g.v is not None:
@@ -185,17 +178,17 @@ def _newton(network: Network, V: NDArray[np.complex128]) -> tuple[NDArray[np.com
     for g in network.generators:
         target[network.index(g.bus)] += complex(g.p, g.q)
     best, closest = np.inf, target
-    for iteration in range(_MAX_ITERATIONS + 1):
-        error = target - V * (Y @ V).conj()  # (F1)
-        F = np.concatenate([error[angles].real, error[magnitudes].imag])
-        mismatch = float(np.abs(F).max(initial=0.0))
-        if mismatch < TOLERANCE:
-            return V, mismatch, iteration
-        if mismatch < best:
-            best, closest = mismatch, error
-        if iteration == _MAX_ITERATIONS or not np.isfinite(mismatch):
-            break
-        with np.errstate(all="ignore"):  # a divergent step shows in the mismatch
+    with np.errstate(all="ignore"):  # a divergent step shows in the mismatch
+        for iteration in range(_MAX_ITERATIONS + 1):
+            error = target - V * (Y @ V).conj()  # (F1)
+            F = np.concatenate([error[angles].real, error[magnitudes].imag])
+            mismatch = float(np.abs(F).max(initial=0.0))
+            if mismatch < TOLERANCE:
+                return V, mismatch, iteration
+            if mismatch < best:
+                best, closest = mismatch, error
+            if iteration == _MAX_ITERATIONS or not np.isfinite(mismatch):
+                break
             try:
                 step = np.linalg.solve(_jacobian(Y, V, angles, magnitudes), F)
             except np.linalg.LinAlgError:

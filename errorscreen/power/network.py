@@ -15,6 +15,7 @@ from __future__ import annotations
 import cmath
 from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from numbers import Complex, Real
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -92,13 +93,15 @@ class Network:
 
     def index(self, bus: int, *, where: str | None = None) -> int:
         """Position of a bus in `buses`; an unknown one raises `InputError` with the nearest matches."""
+        if not isinstance(bus, Real):
+            raise InputError(f"the bus is {bus!r}", where=where, allowed="the number of a bus")
         if bus not in self._index:
             raise unknown_name(str(bus), map(str, self._index), kind="bus", where=where)
         return self._index[bus]
 
     def indices(self, buses: Iterable[int]) -> NDArray[np.int64]:
         """Positions of several buses."""
-        return np.array([self.index(bus) for bus in buses], dtype=np.int64)
+        return np.array([self.index(bus) for bus in listed(buses)], dtype=np.int64)
 
     def branch(self, bus: int, other: int, circuit: str | None = None) -> Branch:
         """Branch between two buses, in either order.
@@ -139,8 +142,8 @@ class Network:
     def with_fault(self, bus: int, impedance: complex = 0.0) -> Network:
         """Connect a bus to ground through a symmetrical fault impedance in pu; 0 is a bolted fault, held exactly."""
         self.index(bus)
-        if not cmath.isfinite(impedance):
-            raise InputError(f"the fault impedance is {impedance}", allowed="a finite number in pu")
+        if not (isinstance(impedance, Complex) and cmath.isfinite(impedance)):
+            raise InputError(f"the fault impedance is {impedance!r}", allowed="a finite number in pu")
         if impedance == 0:
             return replace(self, grounded=self.grounded | {bus})
         y = 1 / complex(impedance)
@@ -196,6 +199,26 @@ class Network:
             demand[self._index[load.bus]] += complex(load.p, load.q)
         return demand
 
+    def voltages(self, values: ArrayLike, name: str) -> NDArray[np.complex128]:
+        """Return a copy as complex voltages, one for each bus; anything else raises `InputError`.
+
+        Parameters
+        ----------
+        values : array-like of shape (n_buses,)
+        name : str
+            For the message.
+        """
+        try:
+            V = np.array(values, dtype=complex)
+        except (TypeError, ValueError):
+            V = np.array(np.nan)
+        if V.shape != (len(self.buses),) or not np.all(np.isfinite(V) & (V != 0)):
+            raise InputError(
+                f"{name} has another shape, or values that are zero or not finite",
+                allowed=f"one voltage in pu for each of the {len(self.buses)} buses",
+            )
+        return V
+
     def admittance(self, load_voltages: ArrayLike | None = None) -> NDArray[np.complex128]:
         """Bus admittance matrix from (N1) and the shunts, with the loads as constant impedances if wanted.
 
@@ -217,13 +240,8 @@ class Network:
         for shunt in self.shunts:
             Y[self._index[shunt.bus], self._index[shunt.bus]] += complex(shunt.g, shunt.b)
         if load_voltages is not None:
-            V = np.abs(np.asarray(load_voltages))
-            if V.shape != (len(self.buses),) or not np.all(np.isfinite(V) & (V > 0)):
-                raise InputError(
-                    f"load_voltages has shape {V.shape}, or values that are not positive",
-                    allowed=f"one voltage in pu for each of the {len(self.buses)} buses",
-                )
-            Y[np.diag_indices_from(Y)] += self.demand().conj() / V**2  # (N2)
+            V = self.voltages(load_voltages, "load_voltages")
+            Y[np.diag_indices_from(Y)] += self.demand().conj() / np.abs(V) ** 2  # (N2)
         return Y
 
     def _check_connected(self) -> None:
@@ -247,10 +265,17 @@ class Network:
             )
 
 
+def listed(buses: Iterable[int]) -> list[int]:
+    """Return bus numbers as a list; a single number, or text, raises `InputError`."""
+    if isinstance(buses, str) or not isinstance(buses, Iterable):
+        raise InputError(f"the buses are {buses!r}", allowed="a list of bus numbers")
+    return list(buses)
+
+
 def _chosen(buses: Iterable[int] | None, known: Iterable[int], where: str) -> set[int]:
     """Buses that were named, or all that are known; one that is not known raises `InputError`."""
     known = set(known)
-    chosen = known if buses is None else set(buses)
+    chosen = known if buses is None else set(listed(buses))
     for bus in sorted(chosen - known):
         raise unknown_name(str(bus), map(str, sorted(known)), kind="bus", where=where)
     return chosen

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from errorscreen.exceptions import InputError
-from errorscreen.power.network import Network
+from errorscreen.power.network import Network, listed
 
 
 @dataclass(frozen=True)
@@ -115,8 +115,12 @@ def reduce_network(
     >>> during.impedance.round(12), during.transfer
     (array([[0.+0.1j]]), array([[0.+0.j]]))
     """
-    terminals, observed, flows = tuple(terminals), tuple(observed), tuple((a, b) for a, b in flows)
-    Y = network.admittance(load_voltages)
+    terminals, observed, flows = (
+        tuple(listed(terminals)),
+        tuple(listed(observed)),
+        tuple((a, b) for a, b in flows),
+    )
+    Y = network.admittance(network.voltages(load_voltages, "load_voltages"))
     for bus, y in (admittances or {}).items():
         i = network.index(bus, where="admittances")
         Y[i, i] += y

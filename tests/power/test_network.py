@@ -159,12 +159,16 @@ def test_networks_are_values():
             "with_load_scaled: unknown bus '1'.* Allowed: 2, 30",
         ),
         (lambda: three_buses().with_load_scaled(np.nan), "the factor is nan"),
+        (lambda: three_buses().admittance("1.0"), "load_voltages has another shape"),
+        (lambda: three_buses().with_fault("2"), "the bus is '2'. Allowed: the number of a bus"),
+        (lambda: three_buses().with_fault(2, "0.1j"), "the fault impedance is '0.1j'"),
+        (lambda: three_buses().with_load_scaled(1.1, 2), "the buses are 2. Allowed: a list of bus numbers"),
         (lambda: three_buses().with_base(-1), "base_mva is -1"),
         (
             lambda: three_buses().admittance([1.0, 1.0]),
-            "load_voltages has shape .2,.*one voltage in pu for each of the 3",
+            "load_voltages has another shape.*one voltage in pu for each of the 3",
         ),
-        (lambda: three_buses().admittance([1.0, 0.0, 1.0]), "values that are not positive"),
+        (lambda: three_buses().admittance([1.0, 0.0, 1.0]), "values that are zero or not finite"),
     ],
 )
 def test_bad_input(make, message):

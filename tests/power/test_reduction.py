@@ -176,6 +176,8 @@ PURE = Network((Bus(1), Bus(2), Bus(3)), (Branch(1, 2, 0.0, 0.1), Branch(2, 3, 0
             lambda: reduced(ieee39_network(), load_voltages=[1.0]),
             "one voltage in pu for each of the 39 buses",
         ),
+        (lambda: reduced(ieee39_network(), load_voltages=None), "load_voltages has another shape"),
+        (lambda: reduce_network(PURE, 1, load_voltages=np.ones(3)), "the buses are 1. Allowed: a list"),
         (
             lambda: reduce_network(PURE, [1], load_voltages=np.ones(3)),
             "reduction: the admittance matrix is singular.* Include loads, line charging",
