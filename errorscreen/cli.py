@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import io
 import shutil
 import sys
 import tempfile
@@ -36,6 +37,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     >>> main(["run", "no-such-case.toml"])
     2
     """
+    for stream in (sys.stdout, sys.stderr):  # χ² must not end a run on a console that cannot show it
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
     options = _parser().parse_args(argv)
     warnings.showwarning = _show_warning
     out = options.default_out if options.out is None else options.out
@@ -44,6 +48,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ErrorscreenError as error:
         print(f"errorscreen: {error}", file=sys.stderr)
         return BAD_INPUT if isinstance(error, InputError) else FAILED
+    except MemoryError as error:
+        print(
+            f"errorscreen: the memory is not enough: {error or 'no more could be had'}. Choose fewer samples, "
+            "a smaller library, a longer simulation.dt or a shorter window.",
+            file=sys.stderr,
+        )
+        return FAILED
     except KeyboardInterrupt:
         print(f"\nerrorscreen: interrupted. {options.interrupted}", file=sys.stderr)
         return INTERRUPTED
@@ -129,7 +140,23 @@ def _study(prepare: Callable[[], Any], out: Path, options: argparse.Namespace) -
     )
     written = write_outputs(outcome, out)
     print(f"{study.title}: {outcome.verdict.kind}\n{outcome.verdict.text}")
+    failed = _failed(outcome)
+    if failed:
+        print(failed)
     print("Written: " + ", ".join(str(path) for path in written))
+
+
+def _failed(outcome: Any) -> str:
+    """How much could not be simulated, and what to do about it; empty if nothing failed."""
+    stages = {f"screening by {s.method}": s.n_failed for s in outcome.screened}
+    stages |= {f"calibration by {c.label}": c.meta["n_failed"] for c in outcome.calibrated}
+    counts = ", ".join(f"{count} in {stage}" for stage, count in stages.items() if count)
+    if not counts:
+        return ""
+    return (
+        f"Simulations that failed and were left out: {counts}. If they are many, narrow the bounds of the parameters "
+        "or shorten simulation.step."
+    )
 
 
 def _writable(folder: Path) -> Path:

@@ -214,7 +214,8 @@ def load_arrays(
     """
     where, existing = f"file {path}", _existing(path)
     try:
-        with np.load(existing, allow_pickle=False) as content:
+        # opened here, because numpy leaves a damaged file open
+        with existing.open("rb") as handle, np.load(handle, allow_pickle=False) as content:
             arrays = {name: content[name] for name in content.files}
     except (ValueError, EOFError, TypeError, zipfile.BadZipFile, zlib.error) as error:
         raise _foreign(where, format) from error

@@ -151,7 +151,7 @@ class CNNContributionRegressor(RegressorMixin, BaseEstimator):
         y : array-like of shape (n, m) or (n,)
             Contributions.
         """
-        network = _import_network()
+        network = import_network()
         self._check_options()
         images, y = check_stack(
             self,
@@ -200,7 +200,7 @@ class CNNContributionRegressor(RegressorMixin, BaseEstimator):
         """
         check_is_fitted(self, "net_")
         images = as_images(check_stack(self, X, reset=False, max_ndim=4, dtype=np.float32))
-        network = _import_network()
+        network = import_network()
         with network.own_random_state(0):  # the loader of the batches draws a number
             scaled = network.predict_network(self.net_, images)
         contributions = scaled * self.target_scale_ + self.target_offset_
@@ -227,7 +227,7 @@ class CNNContributionRegressor(RegressorMixin, BaseEstimator):
             path,
             format=_FORMAT,
             version=_VERSION,
-            arrays=_import_network().read_weights(self.net_) | scales,
+            arrays=import_network().read_weights(self.net_) | scales,
             meta={"parameters": parameters, "fitted": fitted},
         )
 
@@ -246,7 +246,7 @@ class CNNContributionRegressor(RegressorMixin, BaseEstimator):
         InputError
             If the file is missing, damaged, or of another format or version.
         """
-        network = _import_network()
+        network = import_network()
         arrays, meta = load_tensors(path, format=_FORMAT, version=_VERSION)
         try:
             parameters, fitted = meta["parameters"], meta["fitted"]
@@ -329,7 +329,7 @@ class CNNContributionRegressor(RegressorMixin, BaseEstimator):
         return tags
 
 
-def _import_network() -> Any:
+def import_network() -> Any:
     """Import the module that needs torch, or say what to install."""
     try:
         from errorscreen import network

@@ -12,6 +12,27 @@ from errorscreen.exceptions import InputError
 SHORT_GAP = 5.0
 #: A grid that is coarser than this many readings is low-pass filtered first.
 COARSE = 2.0
+#: Instants of a grid and steps of a simulation beyond which a unit or a step is wrong rather than a recording long.
+MAX_STEPS = 1_000_000
+
+
+def check_steps(span: float, step: float, where: str) -> None:
+    """Raise `InputError` if `span` seconds hold more than `MAX_STEPS` steps of `step` seconds.
+
+    Examples
+    --------
+    >>> check_steps(6.0, 1e-9, "simulation.step")
+    Traceback (most recent call last):
+    errorscreen.exceptions.InputError: simulation.step: 6 s in steps of 1e-09 s are 6e+09 steps. Allowed: at most
+    1e+06, here from 6e-06 s on. Choose a longer step or a shorter window, and check the unit of the time stamps.
+    """
+    if span > step * MAX_STEPS:
+        raise InputError(
+            f"{span:g} s in steps of {step:g} s are {span / step:.3g} steps",
+            where=where,
+            allowed=f"at most {MAX_STEPS:.0e}, here from {span / MAX_STEPS:.3g} s on",
+            remedy="Choose a longer step or a shorter window, and check the unit of the time stamps",
+        )
 
 
 def spacing(time: ArrayLike, values: ArrayLike) -> float:
@@ -32,7 +53,7 @@ def uniform_grid(start: float, stop: float, dt: float) -> NDArray[np.float64]:
     Raises
     ------
     InputError
-        If `dt` is not positive or no two instants fit.
+        If `dt` is not positive, no two instants fit or more than `MAX_STEPS`.
 
     Examples
     --------
@@ -41,6 +62,7 @@ def uniform_grid(start: float, stop: float, dt: float) -> NDArray[np.float64]:
     """
     if not (np.isfinite(dt) and dt > 0):
         raise InputError(f"the step is {dt} s", where="dt", allowed="a positive number of seconds")
+    check_steps(stop - start, dt, "dt")
     count = int(np.floor((stop - start) / dt + 1e-6)) + 1
     if count < 2:
         raise InputError(

@@ -139,6 +139,8 @@ BAD_CASE = {
     ),
     "no voltage": ('[recording.columns.V]\ncolumn = "V"\nunit = "pu"\n', "", "terminal voltage was not recorded"),
     "absurd step": ("[screening]", "[simulation]\nstep = -1.0\n[screening]", "step.*Allowed: a number > 0"),
+    "tiny step": ("[screening]", "[simulation]\nstep = 1e-9\n[screening]", "simulation.step: 5.9.* are 5.9.*e.09 st"),
+    "tiny dt": ("[screening]", "[simulation]\ndt = 1e-9\n[screening]", "simulation.dt: 5.9.*Allowed: at most 1e.06"),
     "zero jobs": ("[calibration]", "[run]\nn_jobs = 0\n[calibration]", "n_jobs is 0"),
 }  # fmt: skip
 
@@ -177,6 +179,10 @@ def test_bad_arguments(tmp_path, capsys):
     file = tmp_path / "file"
     file.write_text("")
     refused(["demo", "--out", str(file / "out")], "output folder.*cannot be written.*--out", capsys)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "stages").write_text("")
+    quiet = ["--out", str(tmp_path / "out"), "--quiet"]
+    refused(["run", folder(tmp_path), *quiet], "folder .*stages.*cannot be made.*finished stages", capsys)
     for arguments in ([], ["walk"], ["bench"], ["demo", "--seed", "x"]):
         with pytest.raises(SystemExit) as caught:
             main(arguments)
@@ -261,11 +267,87 @@ def test_interrupt_keeps_what_was_finished(tmp_path):
     assert not (tmp_path / "out" / "result.json").exists()
 
 
-def test_a_model_that_cannot_be_simulated_is_a_failure_and_no_bad_input(tmp_path, capsys):
+def test_a_model_that_cannot_start_at_the_recorded_values_is_bad_input(tmp_path, capsys):
     """The plant would have to deliver more than its current limit: no equilibrium."""
     text = CASE.replace("base_mva = 100.0", "base_mva = 40.0").replace('"synchronous_machine"', '"pv_plant"')
-    assert main(["run", folder(tmp_path, text), "--out", str(tmp_path / "out"), "--quiet"]) == 1
-    assert "NO_EQUILIBRIUM: no steady state exists" in capsys.readouterr().err
+    message = (
+        r"recording 'r': .* P = 1\.8.* pu: no steady state exists.*Allowed: V near 1 pu.*Correct units, bases"
+    )
+    refused(["run", folder(tmp_path, text), "--out", str(tmp_path / "out"), "--quiet"], message, capsys)
+
+
+@pytest.mark.filterwarnings("default")  # it is also noted that V is implausible
+def test_a_voltage_in_percent_is_bad_input(tmp_path, capsys):
+    case = folder(tmp_path, frame=FRAME.assign(V=100 * FRAME["V"]))
+    message = r"recording 'r': .* V = 100, .*Correct units"
+    refused(["run", case, "--out", str(tmp_path / "out"), "--quiet"], message, capsys)
+
+
+def test_the_fitted_recording_cannot_be_judged_on(tmp_path, capsys):
+    (tmp_path / "copy.csv").write_text(FRAME.to_csv(index=False))
+    case = folder(
+        tmp_path, CASE.replace("[device]", '[[held_out]]\npath = "copy.csv"\nevent_time = 1.0\n[device]')
+    )
+    message = "recording 'copy': it holds the same readings as 'r'"
+    refused(["run", case, "--out", str(tmp_path / "out"), "--quiet"], message, capsys)
+
+
+def test_a_missing_extra_is_told_before_anything_is_simulated(tmp_path, capsys, monkeypatch):
+    monkeypatch.delitem(sys.modules, "errorscreen.network", raising=False)
+    monkeypatch.delattr("errorscreen.network", raising=False)
+    monkeypatch.setitem(sys.modules, "torch", None)
+    assert main(["run", folder(tmp_path), "--out", str(tmp_path / "out"), "--quiet"]) == 1
+    assert 'pip install "errorscreen[cnn]"' in capsys.readouterr().err
+    assert not list((tmp_path / "out").glob("stages/*/dataset"))
+
+
+def test_failed_simulations_are_counted_with_a_remedy(tmp_path, capsys):
+    """A converter whose current limit may lie below the current before the event."""
+    text = CASE.replace('"synchronous_machine"', '"pv_plant"').replace('"cnn", ', "")
+    text = text.replace("[screening]", "[device.parameters.Imax]\nlower = 0.5\nupper = 1.5\n[screening]")
+    assert main(["run", folder(tmp_path, text), "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    failed = read_result(tmp_path / "out" / "result.json").run.n_failed
+    line = next(s for s in capsys.readouterr().out.splitlines() if "failed" in s)
+    assert sum(map(int, re.findall(r"(\d+) in calibration", line))) == failed > 0
+    assert "narrow the bounds" in line
+
+
+def test_memory_that_is_not_enough_is_a_failure_with_a_remedy(tmp_path, capsys, monkeypatch):
+    def greedy(*arguments, **options):
+        raise MemoryError("Unable to allocate 4 TiB")
+
+    monkeypatch.setattr(workflow, "run_study", greedy)
+    assert main(["run", folder(tmp_path), "--out", str(tmp_path / "out"), "--quiet"]) == 1
+    assert "Unable to allocate 4 TiB. Choose fewer samples" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
+def test_a_console_without_greek_letters_shows_the_rest(encoding, tmp_path):
+    case = folder(tmp_path, CASE.replace('"cnn", ', "").replace("a test", "Bus α"))
+    run = subprocess.run(
+        [sys.executable, "-m", "errorscreen", "run", case, "--out", str(tmp_path / "out"), "--quiet"],
+        capture_output=True, check=False, cwd=Path(__file__).parents[1],
+        env={**os.environ, "PYTHONIOENCODING": encoding, "PYTHONUTF8": "0"},
+    )  # fmt: skip
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.startswith(b"Bus ?: ")
+
+
+def test_damaged_stages_are_computed_again(tmp_path, capsys):
+    case = folder(tmp_path, CASE.replace('"cnn", ', ""))
+    out = tmp_path / "out"
+    assert main(["run", case, "--out", str(out), "--quiet"]) == 0
+    first = read_result(out / "result.json")
+    stage = next(out.glob("stages/*/calibration-map.npz"))
+    stage.write_bytes(stage.read_bytes()[:200])
+    other = next(out.glob("stages/*/screening-random.npz"))
+    other.write_bytes(next(out.glob("stages/*/calibration-pso-random.npz")).read_bytes())
+    capsys.readouterr()
+    assert main(["run", case, "--out", str(out)]) == 0
+    assert capsys.readouterr().err.count("holds no finished stage of this study; it is computed again") == 2
+    second = read_result(out / "result.json")
+    assert len(second.run.reused) == 3
+    assert second.calibration.methods[0].parameters == first.calibration.methods[0].parameters
 
 
 def test_version_and_help(capsys):

@@ -17,6 +17,12 @@ def test_a_straight_line_survives_any_fine_grid(slope, offset, step):
     )
 
 
+def test_a_grid_that_no_memory_could_hold_is_refused():
+    assert len(uniform_grid(0.0, 6.0, 6e-6)) == 1_000_001
+    with pytest.raises(InputError, match=r"6 s in steps of 1e-09 s are 6e\+09 steps.*at most 1e\+06"):
+        uniform_grid(0.0, 6.0, 1e-9)
+
+
 def test_its_own_grid_changes_nothing():
     values = np.random.default_rng(0).normal(size=100)
     values[[0, 30, 31, 99]] = np.nan

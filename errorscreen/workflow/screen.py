@@ -15,6 +15,7 @@ from errorscreen.features import ResponseErrorTransformer
 from errorscreen.generation import generate_dataset
 from errorscreen.metrics import ranking
 from errorscreen.recordings import Observation
+from errorscreen.regressors import import_network
 from errorscreen.screening import (
     ContributionScreener,
     RandomScreener,
@@ -128,6 +129,7 @@ def _network(
     progress: bool,
 ) -> tuple[NDArray[np.float64], int, int]:
     """Simulate labelled errors, train, and read the measured error: the paper's method."""
+    import_network()  # what is missing must be told before the simulations, not after them
     dataset = generate_dataset(
         simulator,
         section.samples,

@@ -17,11 +17,13 @@ from errorscreen.cases import Case
 from errorscreen.cases.case_models import CalibrationSection, RunSection, ScreeningSection
 from errorscreen.checkpoint import digest
 from errorscreen.discovery import ChannelFit, StageError, Verdict, channel_fits, stage_errors
-from errorscreen.exceptions import SimulationError
+from errorscreen.events import Playback
+from errorscreen.exceptions import InputError, SimulationError
 from errorscreen.generation import local_sensitivity
 from errorscreen.recordings import Observation, Recording
+from errorscreen.resampling import check_steps
 from errorscreen.simulators import PlantSimulator
-from errorscreen.simulators.base import Simulator
+from errorscreen.simulators.base import REMEDIES, Simulator, Status
 from errorscreen.workflow.calibrate import calibrate_map, calibrate_pso
 from errorscreen.workflow.screen import Screened, screen
 from errorscreen.workflow.stages import StageStore
@@ -70,7 +72,13 @@ class Study:
         InputError
             If a recording cannot be used, or lacks what the device needs.
         """
-        recording = case.load_recording()
+        recording, held_out = case.load_recording(), case.load_held_out()
+        for one in (recording, *held_out):
+            for key in ("step", "dt"):
+                seconds = getattr(case.simulation, key)
+                if seconds is not None:
+                    where = f"recording {one.name!r}, simulation.{key}"
+                    check_steps(one.time[-1] - one.time[0], seconds, where)
         simulator = PlantSimulator(
             case.device.type,
             recording,
@@ -79,7 +87,7 @@ class Study:
             step=case.simulation.step,
             dt=case.simulation.dt,
         )
-        study = cls.of(case.title, simulator, recording, case.load_held_out(), case)
+        study = cls.of(case.title, simulator, recording, held_out, case)
         return replace(study, paths=tuple(section.path for section in (case.recording, *case.held_out)))
 
     @classmethod
@@ -92,12 +100,20 @@ class Study:
         sections: Any,
         truth: Mapping[str, float] | None = None,
     ) -> Study:
-        """Study of recordings that are at hand; `sections` has screening, calibration and run."""
+        """Study of recordings that are at hand; `sections` has screening, calibration and run.
+
+        Raises
+        ------
+        InputError
+            If a recording lacks what the simulator needs, or two hold the same readings.
+        """
+        observation, *others = (simulator.observe(r) for r in (recording, *held_out))
+        _check_distinct([observation, *others])
         return cls(
             title or recording.name,
             simulator,
-            simulator.observe(recording),
-            tuple(simulator.observe(r) for r in held_out),
+            observation,
+            tuple(others),
             recording.base_mva,
             recording.f_nominal,
             sections.screening,
@@ -236,13 +252,16 @@ def run_study(
 
     Raises
     ------
-    SimulationError
-        If the model cannot be simulated at its nominal parameters.
+    InputError
+        If the model cannot be simulated at its nominal parameters and the recorded pre-event values, or the folder
+        cannot be used.
+    MissingExtraError
+        If the network is asked for and torch is not installed.
     """
     start, started = perf_counter(), datetime.now(UTC).isoformat(timespec="seconds")
-    store = StageStore(Path(out) / "stages", study.fingerprint())
+    store = StageStore(Path(out) / "stages", study.fingerprint(), report)
     simulator, observation = study.simulator, study.observation
-    before = tuple(simulator.baseline(o.event) for o in (observation, *study.held_out))
+    before = tuple(_nominal(simulator, o) for o in (observation, *study.held_out))
     screened = []
     for method in study.screening.methods:
         report(f"screening: {method}")
@@ -292,6 +311,37 @@ def run_study(
         perf_counter() - start,
         started,
         store.reused,
+    )
+
+
+def _check_distinct(observations: list[Observation]) -> None:
+    """Refuse a recording to judge on that was fitted, or that counts twice: the gain would be flattered."""
+    seen: dict[str, str] = {}
+    for observation in observations:
+        name, key = observation.event.name, digest(observation.values)
+        if key in seen:
+            raise InputError(
+                f"it holds the same readings as {seen[key]!r}",
+                where=f"recording {name!r}",
+                allowed="another event in each recording",
+                remedy="Judge on recordings that are not fitted, or leave this one out",
+            )
+        seen[key] = name
+
+
+def _nominal(simulator: Simulator, observation: Observation) -> NDArray[np.float64]:
+    """Response at the nominal parameters; if there is none, the recorded operating point is to be looked at first."""
+    event = observation.event
+    responses = simulator.simulate(simulator.parameters.nominal, event)
+    if responses.ok.all() or not isinstance(event, Playback):
+        return responses.require_ok("the simulation at the nominal parameters").values[0]
+    point = ", ".join(f"{name} = {value:.4g}" for name, value in event.initial.items())
+    raise InputError(
+        f"the nominal model cannot be simulated from what was recorded before the event, {point} pu: "
+        f"{REMEDIES[Status(responses.status[0])]}",
+        where=f"recording {event.name!r}",
+        allowed="V near 1 pu, P and Q within the limits of the device on its own base",
+        remedy="Correct units, bases and signs of the columns, or the parameters and constants of the device",
     )
 
 
