@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
+from errorscreen import resampling
 from errorscreen.events import Playback
-from errorscreen.exceptions import InputError
+from errorscreen.exceptions import DataWarning, InputError
 from errorscreen.recordings import Observation, Recording
+
+#: In pu. A plant that gives less rests, or its P is on a base that is a hundred times too large.
+LEAST_P = 0.01
+#: Q of at least this (pu) and this part of P is a power factor under 0.55: no plant runs so for long.
+LARGE_Q, Q_OVER_P = 0.3, 1.5
 
 
 def playback_observation(
@@ -24,7 +31,8 @@ def playback_observation(
 
     The angle is taken in a frame that rotates at the mean pre-event frequency, because the device is started at an
     equilibrium: the straight line through the angle's quiet part is removed. Where only the frequency was recorded, the
-    angle is its integral, :math:`\theta = 2\pi\int (f - f_{pre})\,dt`. Short gaps of the voltage are interpolated.
+    angle is its integral, :math:`\theta = 2\pi\int (f - f_{pre})\,dt`. Short gaps of the voltage are interpolated,
+    longer ones (`errorscreen.resampling.SHORT_GAP`) only before the event, and nothing is compared there.
 
     Parameters
     ----------
@@ -45,8 +53,13 @@ def playback_observation(
     Raises
     ------
     InputError
-        If the voltage was not recorded, or the angle is needed and neither angle nor frequency was recorded, or an
-        operating point is unknown.
+        If the voltage was not recorded or has a long gap in the event, or the angle is needed and neither angle nor
+        frequency was recorded, or an operating point is unknown.
+
+    Warns
+    -----
+    DataWarning
+        If the operating point is unlike a generator's: a wrong sign, base or column would explain it.
     """
     where = f"recording {recording.name!r}"
     if "V" not in recording.channels:
@@ -60,9 +73,10 @@ def playback_observation(
     time = source.time
     notes = list(source.assumptions)
     quiet = (time >= source.quiet[0]) & (time <= source.quiet[1])
-    signals = {"V": _filled(source, "V", notes)}
+    unknown = np.zeros(len(time), dtype=bool)
+    signals = {"V": _filled(source, "V", unknown, notes)}
     if needs_angle:
-        signals["angle"] = _angle(source, quiet, notes, where)
+        signals["angle"] = _angle(source, quiet, unknown, notes, where)
     given = {**source.given, **(operating_point or {})}
     initial = {"V": source.initial(["V"])["V"]}
     for name in ("P", "Q"):
@@ -81,34 +95,71 @@ def playback_observation(
                 where=where,
                 remedy=f"Give it as operating point, for example {name} = 0.5 (pu)",
             )
+    notes += _warn_implausible(initial["P"], initial["Q"], where)
     values = np.full((len(channels), len(time)), np.nan)
     noise = np.ones(len(channels))
     for r, name in enumerate(channels):
         if name in source.channels:
             values[r] = source.channels[name].values
             noise[r] = source.channels[name].noise
+    values[:, unknown] = np.nan
     event = Playback(time, source.name, source.event_time, signals, initial)
     return Observation(event, values, noise, channels, ("pu",) * len(channels), tuple(notes))
 
 
-def _filled(recording: Recording, name: str, notes: list[str]) -> NDArray[np.float64]:
-    """Channel without gaps: what is injected must be known at every instant."""
-    values = recording.channels[name].values
+def _warn_implausible(P: float, Q: float, where: str) -> list[str]:
+    """Sentences, also warned of, on an operating point that a generator rarely has but a wrong column often."""
+    notes = []
+    if abs(P) < LEAST_P:
+        notes.append(f"P before the event is only {P:.2g} pu: check its unit and base_mva.")
+    elif P < 0:
+        notes.append(f"P before the event is {P:.3g} pu, but generation is positive: check its sign.")
+    if abs(Q) > max(LARGE_Q, Q_OVER_P * abs(P)):
+        notes.append(
+            f"Q before the event is {Q:.3g} pu and P {P:.3g} pu: check that they are not interchanged."
+        )
+    for note in notes:
+        warnings.warn(f"{where}: {note}", DataWarning, stacklevel=4)
+    return notes
+
+
+def _filled(
+    recording: Recording, name: str, unknown: NDArray[np.bool_], notes: list[str]
+) -> NDArray[np.float64]:
+    """Channel without gaps: what is injected must be known at every instant; long gaps are marked in `unknown`."""
+    time, values = recording.time, recording.channels[name].values
     known = np.isfinite(values)
-    if not known.all():
-        share = 1 - known.mean()
-        notes.append(f"{100 * share:.1f} % of {name} was missing and was interpolated for the injection.")
-        values = np.interp(recording.time, recording.time[known], values[known])
-    return values
+    if known.all():
+        return values
+    usual = resampling.spacing(time, values)
+    edges = np.flatnonzero(np.diff(np.r_[False, ~known, False]))
+    for first, last in zip(edges[::2], edges[1::2] - 1, strict=True):
+        start, stop = time[max(first - 1, 0)], time[min(last + 1, len(time) - 1)]
+        if stop - start <= resampling.SHORT_GAP * usual * (1 + 1e-9):  # at an end of the recording
+            continue
+        if stop > recording.event_time:
+            raise InputError(
+                f"{name} was not recorded from {start:g} to {stop:g} s, so it is unknown what drove the device in the "
+                "event",
+                where=f"recording {recording.name!r}",
+                allowed=f"gaps of at most {resampling.SHORT_GAP * usual:.3g} s from the event on",
+                remedy="End the window before the gap (t_end), or use another recording",
+            )
+        unknown[first : last + 1] = True
+    notes.append(
+        f"{100 * np.mean(~known):.1f} % of {name} was missing and was interpolated for the injection"
+        + (", and nothing is compared there." if unknown.any() else ".")
+    )
+    return np.interp(time, time[known], values[known])
 
 
 def _angle(
-    recording: Recording, quiet: NDArray[np.bool_], notes: list[str], where: str
+    recording: Recording, quiet: NDArray[np.bool_], unknown: NDArray[np.bool_], notes: list[str], where: str
 ) -> NDArray[np.float64]:
     """Angle of the terminal voltage in rad against a frame of the pre-event frequency."""
     time = recording.time
     if "angle" in recording.channels:
-        angle = _filled(recording, "angle", notes)
+        angle = _filled(recording, "angle", unknown, notes)
         slope, offset = (
             np.polyfit(time[quiet], angle[quiet], 1) if quiet.sum() > 1 else (0.0, angle[quiet].mean())
         )
@@ -118,7 +169,7 @@ def _angle(
         )
         return angle - offset - slope * time
     if "f" in recording.channels:
-        frequency = _filled(recording, "f", notes)
+        frequency = _filled(recording, "f", unknown, notes)
         before = float(frequency[quiet].mean())
         deviation = 2 * np.pi * (frequency - before)
         steps = 0.5 * (deviation[1:] + deviation[:-1]) * np.diff(time)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from errorscreen.exceptions import InputError
+from errorscreen.exceptions import DataWarning, InputError
 from errorscreen.recordings import Recording
 from errorscreen.simulators import PlantSimulator
 from errorscreen.simulators.playback import playback_observation
@@ -91,6 +91,67 @@ def test_gaps_of_the_voltage_are_filled_and_said():
     gappy = Recording.from_arrays(source.time, values, base_mva=100, f_nominal=60, event_time=1.0)
     observed = playback_observation(gappy, ("P", "Q"))
     assert np.isfinite(observed.event.signals["V"]).all()
+
+
+def with_gap(name, first, last, **options):
+    source = recording()
+    values = {k: c.values.copy() for k, c in source.channels.items()}
+    values[name][(source.time > first) & (source.time < last)] = np.nan
+    return Recording.from_arrays(
+        source.time, values, **{"base_mva": 100, "f_nominal": 60, "event_time": 1.0, **options}
+    )
+
+
+@pytest.mark.parametrize("name", ["V", "angle"])
+@pytest.mark.parametrize("gap", [(0.97, 1.3), (2.0, 2.3), (3.8, 9.0)])
+def test_a_long_gap_of_what_is_injected_is_refused_from_the_event_on(name, gap):
+    with pytest.raises(InputError, match=rf"{name} was not recorded from .* s.*gaps of at most 0.1 s.*t_end"):
+        playback_observation(with_gap(name, *gap), ("P", "Q"))
+
+
+@pytest.mark.parametrize("name", ["V", "angle"])
+def test_a_long_gap_before_the_event_is_filled_and_nothing_is_compared_there(name):
+    observed = playback_observation(with_gap(name, 0.29, 0.59), ("P", "Q"))
+    missing = (observed.time > 0.295) & (observed.time < 0.585)
+    assert np.isfinite(observed.event.signals[name]).all()
+    assert np.array_equal(observed.mask, np.broadcast_to(~missing, observed.mask.shape))
+    assert any(
+        f"of {name} was missing" in s and "nothing is compared there" in s for s in observed.assumptions
+    )
+
+
+def test_a_meter_that_ends_a_reading_early_is_held():
+    observed = playback_observation(with_gap("V", 3.93, 9.0), ("P", "Q"))
+    assert observed.mask.all()
+    assert len(set(observed.event.signals["V"][-3:])) == 1
+
+
+@pytest.mark.parametrize(
+    ("P", "Q", "message"),
+    [
+        (-0.7, 0.1, "P before the event is -0.7 pu, but generation is positive: check its sign"),
+        (0.007, 0.001, "P before the event is only 0.007 pu: check its unit and base_mva"),
+        (0.12, 0.72, r"Q before the event is 0.72 pu and P 0.12 pu: check that they are not interchanged"),
+    ],
+)
+def test_an_operating_point_unlike_a_generators_is_warned_of(P, Q, message):
+    moving = 0.01 * np.sin(np.arange(200.0)) * (np.arange(200) > 100)
+    values = {"V": 1.0 - moving, "P": P + moving, "Q": Q + moving}
+    source = Recording.from_arrays(
+        np.arange(200) / 50,
+        values,
+        base_mva=100,
+        f_nominal=60,
+        event_time=2.0,
+        noise=dict.fromkeys("VPQ", 1e-3),
+    )
+    with pytest.warns(DataWarning, match=message):
+        observed = playback_observation(source, ("P", "Q"), needs_angle=False)
+    assert any("check" in s for s in observed.assumptions)
+
+
+def test_a_usual_operating_point_is_not_warned_of():
+    assert not any("check" in s for s in playback_observation(recording(), ("P", "Q")).assumptions)
 
 
 def test_nothing_to_compare_with():
