@@ -36,19 +36,21 @@ from errorscreen.engine.rk4 import correct, load, predict, store
 
 
 @numba.njit(error_model="numpy", forceinline=True)
-def evaluate(b, u, j, on):
+def evaluate(b, u, j, tables, s, on):
 {inputs}
 {evaluate}
 
 
 @numba.njit(error_model="numpy", forceinline=True)
-def sample(b, u, j, on):
+def sample(b, u, j, tables, s, on):
 {inputs}
 {sample}
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def integrate(x0, constants, memories, u, h, every, spans, active_spans, rows, switched, out, first, last):
+def integrate(
+    x0, constants, memories, u, tables, segment, h, every, spans, active_spans, rows, switched, out, first, last
+):
     b = np.zeros({size})
     for block in range(first, last):
         b[:] = 0.0
@@ -57,19 +59,20 @@ def integrate(x0, constants, memories, u, h, every, spans, active_spans, rows, s
         load(b, x0, block, {lanes}, 0)
         load(b, constants, block, {lanes}, {constants})
         load(b, memories, block, {lanes}, {memories})
-        for step in range(u.shape[0] // 2 + 1):
-            evaluate(b, u, 2 * step, on)
-            sample(b, u, 2 * step, on)
+        for step in range(segment.size):
+            s = segment[step]
+            evaluate(b, u, 2 * step, tables, s, on)
+            sample(b, u, 2 * step, tables, s, on)
             if step % every == 0:
                 store(out, b, block, {lanes}, rows, step // every)
-            if 2 * step + 1 == u.shape[0]:
+            if step + 1 == segment.size:
                 break
             predict(b, spans, active, {lanes}, {shift}, 0.5 * h, 1.0, True)
-            evaluate(b, u, 2 * step + 1, on)
+            evaluate(b, u, 2 * step + 1, tables, s, on)
             predict(b, spans, active, {lanes}, {shift}, 0.5 * h, 2.0, False)
-            evaluate(b, u, 2 * step + 1, on)
+            evaluate(b, u, 2 * step + 1, tables, s, on)
             predict(b, spans, active, {lanes}, {shift}, h, 2.0, False)
-            evaluate(b, u, 2 * step + 2, on)
+            evaluate(b, u, 2 * step + 2, tables, s, on)
             correct(b, spans, active, {lanes}, {shift}, h)
 '''
 
@@ -112,6 +115,8 @@ def _loop(call: Call, model: Model, layout: Layout, lanes: int, symbol: str) -> 
     def address(name: str) -> str:
         if name in model.inputs:
             return f"u{model.inputs.index(name)}"
+        if name in model.tables:
+            return f"t{model.tables.index(name)}"
         return f"b[{layout.rows[name] * lanes} + k]"
 
     results = ", ".join(f"r{i}" for i in range(len(call.writes)))
@@ -140,7 +145,11 @@ def source(model: Model, lanes: int) -> str:
         name=model.name,
         imports=imports,
         compiled=compiled,
-        inputs="\n".join(f"    u{i} = u[j, {i}]" for i in range(len(model.inputs))) or "    pass",
+        inputs="\n".join(
+            [f"    u{i} = u[j, {i}]" for i in range(len(model.inputs))]
+            + [f"    t{i} = tables[s, {i}]" for i in range(len(model.tables))]
+        )
+        or "    pass",
         evaluate="\n".join(loops[False]) or "    pass",
         sample="\n".join(loops[True]) or "    pass",
         size=layout.size * lanes,

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from errorscreen.engine.codegen import Layout, load_module
 from errorscreen.engine.stages import Model
+from errorscreen.exceptions import InputError
 
 LANES = 32
 SCALAR_BELOW = 4
@@ -57,6 +58,8 @@ class Engine:
         h: float,
         every: int = 1,
         memories: NDArray[np.float64] | None = None,
+        tables: NDArray[np.float64] | None = None,
+        segment: NDArray[np.int64] | None = None,
     ) -> NDArray[np.float64]:
         """Integrate and record the outputs.
 
@@ -73,6 +76,12 @@ class Engine:
             Outputs are recorded at each `every`-th step, the first included.
         memories : ndarray of shape (n, n_memories), optional
             Start values of what sampled calls remember.
+        tables : ndarray of shape (n_segments, n_tables), optional
+            Values of ``model.tables`` in each segment of the event.
+        segment : ndarray of shape (n_steps + 1,), int, optional
+            Row of `tables` that holds **throughout** each step, its end included, so that an instant at which the
+            tables change splits two steps and the method keeps its order; the last entry is for the last record. What
+            is recorded at such an instant is the value just after it. All zero where not given.
 
         Returns
         -------
@@ -88,12 +97,15 @@ class Engine:
         on = self._any_in_block(constants, model.switches, blocks, lanes)
         active = np.ones((blocks, len(layout.spans)), dtype=bool)
         active[:, 1:] = self._any_in_block(constants, tuple(s for s, _ in model.gated), blocks, lanes)
+        tables, segment = _segments(model, len(u) // 2, tables, segment)
         out = np.full((n, len(model.outputs), (len(u) // 2) // every + 1), np.nan)
         arguments = (
             np.ascontiguousarray(x0[:, order]),
             np.ascontiguousarray(constants, dtype=float),
             np.ascontiguousarray(memories, dtype=float),
             np.ascontiguousarray(u, dtype=float),
+            tables,
+            segment,
             float(h),
             int(every),
             np.array(layout.spans, dtype=np.int64).reshape(-1, 2),
@@ -134,14 +146,18 @@ class ReferenceEngine(Engine):
         h: float,
         every: int = 1,
         memories: NDArray[np.float64] | None = None,
+        tables: NDArray[np.float64] | None = None,
+        segment: NDArray[np.int64] | None = None,
     ) -> NDArray[np.float64]:
         """Integrate and record the outputs; see `Engine.integrate`."""
         model, n = self.model, len(x0)
         b = self._named(x0, constants, memories)
         steps = len(u) // 2
+        tables, segment = _segments(model, steps, tables, segment)
         out = np.full((n, len(model.outputs), steps // every + 1), np.nan)
         with np.errstate(all="ignore"):  # divergence is data: it shows as values that are not finite
             for step in range(steps + 1):
+                self._set(b, model.tables, tables[segment[step]])
                 f1 = self._derivatives(b, u[2 * step])
                 self._evaluate(b, u[2 * step], each_step=True)
                 if step % every == 0:
@@ -161,10 +177,16 @@ class ReferenceEngine(Engine):
         return out
 
     def derivatives(
-        self, x: NDArray[np.float64], constants: NDArray[np.float64], u: NDArray[np.float64]
+        self,
+        x: NDArray[np.float64],
+        constants: NDArray[np.float64],
+        u: NDArray[np.float64],
+        tables: NDArray[np.float64] | None = None,
     ) -> NDArray[np.float64]:
-        """Derivatives of the states, shape (n, n_states), for the inputs `u` of shape (n_inputs,)."""
-        slopes = self._derivatives(self._named(x, constants, None), u)
+        """Derivatives of the states, shape (n, n_states), for inputs of shape (n_inputs,) and tables (n_tables,)."""
+        b = self._named(x, constants, None)
+        self._set(b, self.model.tables, np.zeros(0) if tables is None else tables)
+        slopes = self._derivatives(b, u)
         return np.array([slopes[name] for name in self.model.states]).T
 
     def _named(
@@ -180,13 +202,16 @@ class ReferenceEngine(Engine):
             for name, column in zip(names, rows.T, strict=True)
         }
 
+    @staticmethod
+    def _set(b: dict[str, NDArray[np.float64]], names: tuple[str, ...], values: NDArray[np.float64]) -> None:
+        """Give quantities that all simulations share their values."""
+        like = next(iter(b.values()))
+        b |= {name: np.full_like(like, value) for name, value in zip(names, values, strict=True)}
+
     def _evaluate(
         self, b: dict[str, NDArray[np.float64]], u: NDArray[np.float64], *, each_step: bool
     ) -> None:
-        b |= {
-            name: np.full_like(next(iter(b.values())), value)
-            for name, value in zip(self.model.inputs, u, strict=True)
-        }
+        self._set(b, self.model.inputs, u)
         for call in self.model.calls:
             if call.each_step == each_step and (not call.switch or np.any(b[call.switch] != 0)):
                 results = call.function(*(b[name] for name in call.reads))
@@ -198,3 +223,24 @@ class ReferenceEngine(Engine):
         self._evaluate(b, u, each_step=False)
         zero = np.zeros_like(next(iter(b.values())))
         return {name: np.asarray(b.get(f"d_{name}", zero)) for name in self.model.states}
+
+
+def _segments(
+    model: Model, steps: int, tables: NDArray[np.float64] | None, segment: NDArray[np.int64] | None
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Tables and the row of each step, checked: compiled code does not look for the end of an array."""
+    tables = np.ascontiguousarray(np.zeros((1, 0)) if tables is None else tables, dtype=float)
+    segment = np.ascontiguousarray(np.zeros(steps + 1) if segment is None else segment, dtype=np.int64)
+    if tables.ndim != 2 or tables.shape[1] != len(model.tables):
+        raise InputError(
+            f"the tables have shape {tables.shape}",
+            where=f"model {model.name!r}",
+            allowed=f"(number of segments, {len(model.tables)})",
+        )
+    if segment.shape != (steps + 1,) or not np.all((segment >= 0) & (segment < len(tables))):
+        raise InputError(
+            f"the segments have shape {segment.shape} or name rows that the tables do not have",
+            where=f"model {model.name!r}",
+            allowed=f"{steps + 1} integers from 0 to {len(tables) - 1}",
+        )
+    return tables, segment

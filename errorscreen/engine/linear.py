@@ -9,7 +9,9 @@ from errorscreen.engine.kernels import ReferenceEngine
 from errorscreen.engine.stages import Model
 
 
-def state_matrix(model: Model, x0: ArrayLike, constants: ArrayLike, u: ArrayLike) -> NDArray[np.float64]:
+def state_matrix(
+    model: Model, x0: ArrayLike, constants: ArrayLike, u: ArrayLike, tables: ArrayLike = ()
+) -> NDArray[np.float64]:
     r"""Jacobian :math:`\partial\dot x / \partial x` by central differences.
 
     Parameters
@@ -18,6 +20,7 @@ def state_matrix(model: Model, x0: ArrayLike, constants: ArrayLike, u: ArrayLike
     x0 : array-like of shape (n_states,)
     constants : array-like of shape (n_constants,)
     u : array-like of shape (n_inputs,)
+    tables : array-like of shape (n_tables,)
 
     Returns
     -------
@@ -36,7 +39,10 @@ def state_matrix(model: Model, x0: ArrayLike, constants: ArrayLike, u: ArrayLike
     step = 1e-6 * np.maximum(1.0, np.abs(x0))
     points = np.concatenate([x0 + np.diag(step), x0 - np.diag(step)])
     slopes = ReferenceEngine(model).derivatives(
-        points, np.tile(np.asarray(constants, dtype=float), (len(points), 1)), np.asarray(u, dtype=float)
+        points,
+        np.tile(np.asarray(constants, dtype=float), (len(points), 1)),
+        np.asarray(u, dtype=float),
+        np.asarray(tables, dtype=float),
     )
     forward, backward = np.split(slopes, 2)
     return (forward - backward).T / (2 * step)

@@ -87,6 +87,9 @@ class Model:
         Quantities that sampled calls carry from step to step.
     gated : tuple of (str, tuple of str)
         Switch and the states that exist only while it is on; they are integrated only then.
+    tables : tuple of str
+        Quantities that are constant within a step and change between steps, the same for every simulation of a
+        batch: the state of a grid, for example.
 
     Raises
     ------
@@ -103,10 +106,11 @@ class Model:
     outputs: tuple[str, ...]
     memories: tuple[str, ...] = ()
     gated: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    tables: tuple[str, ...] = ()
     signals: tuple[str, ...] = field(init=False)
 
     def __post_init__(self) -> None:
-        available = dict.fromkeys((*self.inputs, *self.states, *self.constants, *self.memories))
+        available = dict.fromkeys((*self.inputs, *self.tables, *self.states, *self.constants, *self.memories))
         given = tuple(available)
         for call in self.calls:
             for name in call.reads:
