@@ -106,6 +106,7 @@ class PlantSimulator(Simulator):
         self.extensions: tuple[Effect, ...] = ()
         self.step, self.dt = step, dt
         self.operating_point = dict(operating_point or {})
+        self._last_input: tuple[Any, Any] = (None, None)
         self._engine = engines[engine](assemble(device, self.effects), n_threads)
         self.channels = _channels(recording, channels, device.outputs)
         self.units = ("pu",) * len(self.channels)
@@ -217,7 +218,7 @@ class PlantSimulator(Simulator):
             out[start] = self._engine.integrate(
                 x0[start],
                 constants[start],
-                _inputs(event, every, self.device.needs_angle, interpolation),
+                self._injected(event, every, interpolation),
                 h=h,
                 every=every,
                 memories=memories[start],
@@ -228,6 +229,17 @@ class PlantSimulator(Simulator):
         status = np.where(start, np.where(well, Status.OK, Status.DIVERGED), Status.NO_EQUILIBRIUM)
         rows = [self.device.outputs.index(name) for name in self.channels]
         return Responses(out[:, rows], status.astype(np.int64), event.time, self.channels)
+
+    def _injected(self, event: Playback, every: int, interpolation: str) -> NDArray[np.float64]:
+        """Input of the engine; the last one is kept, because a search simulates the same event over and over."""
+        key, last = self._last_input
+        if key is None or key[0] is not event or key[1:] != (every, interpolation):
+            key, last = (
+                (event, every, interpolation),
+                _inputs(event, every, self.device.needs_angle, interpolation),
+            )
+            self._last_input = key, last
+        return last
 
     def _with_uncertainty(self, observation: Observation, quiet: tuple[float, float]) -> Observation:
         event, nominal = observation.event, self.parameters.nominal
