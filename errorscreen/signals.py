@@ -262,6 +262,9 @@ def detect_event(
         if first is not None:
             onsets[name] = (float(t[keep][first]), _rests(t[keep], x[keep], first))
     if not onsets:
+        for name, values in channels.items():
+            if _moves_at_once(np.asarray(values, dtype=float), least):
+                raise _no_quiet_part(name, where)
         raise InputError(
             f"no event was found: {', '.join(channels) or 'no channel'} never leaves its quiet band",
             where=where,
@@ -270,13 +273,32 @@ def detect_event(
     earliest = min(onsets, key=lambda name: onsets[name][0])
     start, rests = onsets[earliest]
     if not rests:
-        raise InputError(
-            f"there is no quiet part: {earliest!r} moves from its first reading on",
-            where=where,
-            allowed=f"at least {MIN_QUIET} readings before the event",
-            remedy="Use a recording that starts before the event, or give event_time",
-        )
+        raise _no_quiet_part(earliest, where)
     return start
+
+
+def _no_quiet_part(name: str, where: str | None) -> InputError:
+    return InputError(
+        f"there is no quiet part: {name!r} moves from its first reading on",
+        where=where,
+        allowed=f"at least {MIN_QUIET} readings before the event",
+        remedy="Use a recording that starts before the event, or give event_time",
+    )
+
+
+def _moves_at_once(values: NDArray[np.float64], least: float) -> bool:
+    """True if the signal leaves its first three readings while the quiet band is still drawn from what follows.
+
+    Clearly, that is by a fifth of its largest excursion and six times the noise, which differences of neighbours tell
+    even where there is no quiet part.
+    """
+    x = values[np.isfinite(values)]
+    if len(x) < 2 * MIN_QUIET:
+        return False
+    distance = np.abs(x - np.median(x[:3]))
+    sigma = 1.4826 * float(np.median(np.abs(np.diff(x)))) / np.sqrt(2.0)
+    outside = distance > max(least, 6.0 * sigma, 0.2 * float(np.percentile(distance, 99)))
+    return bool((np.convolve(outside[: 2 * MIN_QUIET + 3], np.ones(3), mode="valid") == 3).any())
 
 
 def _rests(t: NDArray[np.float64], x: NDArray[np.float64], first: int) -> bool:

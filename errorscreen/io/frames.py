@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Values = dict[str, NDArray[np.float64]]
+#: Readings beyond this are marks of a gap, or end in numbers too large to calculate with.
+_LARGEST = 1e12
+#: Part of its value that a channel must move by; less is rounding, of numbers in single precision for example.
+_LEAST_RANGE = 1e-6
 Window = tuple[float | None, float | None]
 Specs = Mapping[str, Column | str | Mapping[str, Any]]
 
@@ -143,10 +147,9 @@ def build_recording(
         if spec.value is not None:
             given[role] = float(convert(role, np.array([spec.value]), spec, bases, where)[0])
             notes.append(f"{role} was not measured; it was given as {given[role]:.4g} {_unit(role, spec)}.")
-        elif spec.real is not None and spec.imag is not None:
-            values |= _phasor(numbers[spec.real], numbers[spec.imag], spec, bases, where)
         else:
-            values[role] = convert(role, numbers[spec.headers[0]], spec, bases, where)
+            with np.errstate(over="ignore", invalid="ignore"):  # readings too large become gaps in `_checked`
+                values |= _converted(role, [numbers[h] for h in spec.headers], spec, bases, where)
         notes += _meaning(role, spec, bases)
     for role in values:
         values[role] = _checked(role, values[role], max_missing, table.source, notes)
@@ -205,10 +208,13 @@ def _specs(columns: Specs, source: str) -> dict[str, Column]:
     return specs
 
 
-def _phasor(
-    real: NDArray[np.float64], imag: NDArray[np.float64], spec: Column, bases: Bases, where: str
+def _converted(
+    role: str, columns: list[NDArray[np.float64]], spec: Column, bases: Bases, where: str
 ) -> Values:
-    voltage = spec.scale * (real + 1j * imag)
+    """Channels that come from the column of a role, or from the two of a phasor."""
+    if len(columns) == 1:
+        return {role: convert(role, columns[0], spec, bases, where)}
+    voltage = spec.scale * (columns[0] + 1j * columns[1])
     return {
         "V": convert("V", np.abs(voltage), replace(spec, scale=1.0), bases, where),
         "angle": np.where(np.isnan(voltage), np.nan, np.angle(voltage)),
@@ -242,10 +248,10 @@ def _checked(
 ) -> NDArray[np.float64]:
     """Channel without infinities, with its angle unwrapped, refused if it says nothing."""
     where = f"{source}, channel {role!r}"
-    endless = int(np.isinf(values).sum())
-    if endless:
-        values = np.where(np.isinf(values), np.nan, values)
-        notes.append(f"{endless} infinite readings of {role} were taken as gaps.")
+    endless = np.abs(values) > _LARGEST
+    if endless.any():
+        values = np.where(endless, np.nan, values)
+        notes.append(f"{endless.sum()} infinite or absurdly large readings of {role} were taken as gaps.")
     lost = int(np.isnan(values).sum())
     if lost == len(values):
         raise InputError(
@@ -260,9 +266,9 @@ def _checked(
         )
     if lost:
         notes.append(f"{lost} of {len(values)} readings of {role} are missing.")
-    if np.nanmin(values) == np.nanmax(values):
+    if np.nanmax(values) - np.nanmin(values) <= _LEAST_RANGE * np.nanmax(np.abs(values)):
         raise InputError(
-            f"every reading is {np.nanmin(values):.6g}: the channel never moves",
+            f"every reading is {np.nanmean(values):.6g}: the channel never moves",
             where=where,
             remedy="Map another column, leave the channel out, or state it with value=",
         )

@@ -18,6 +18,8 @@ TIME_UNITS = (*_SECONDS, "iso")
 ON_BACKWARD = ("error", "sort", "drop")
 #: More differing readings at equal stamps than this mean that the stamps are too coarse.
 _DUPLICATES = 0.1
+#: Seconds, 3000 years. Stamps beyond have another unit, and too few digits are left for fractions of a second.
+_LATEST = 1e11
 
 Values = dict[str, NDArray[np.float64]]
 
@@ -28,7 +30,7 @@ def read_time(table: Table, header: str, unit: str, notes: list[str], decimal: s
     Raises
     ------
     InputError
-        If the unit is unknown, or a stamp is missing or cannot be read.
+        If the unit is unknown, or a stamp is missing, lies beyond any date or cannot be read.
     """
     if unit not in TIME_UNITS:
         raise unknown_name(unit, TIME_UNITS, kind="time unit", where=table.source)
@@ -36,7 +38,15 @@ def read_time(table: Table, header: str, unit: str, notes: list[str], decimal: s
         return _read_iso(table, header, notes)
     remedy = "Give time_unit='iso' for dates, or correct the cell"
     time = table.numbers(header, decimal=decimal, remedy=remedy) * _SECONDS[unit]
-    lost = np.flatnonzero(~np.isfinite(time))
+    far = np.flatnonzero(np.abs(time) > _LATEST)
+    if len(far):
+        raise InputError(
+            f"{len(far)} time stamps lie beyond any date",
+            where=table.place(int(far[0]), header),
+            allowed=f"up to {_LATEST:g} s from time 0",
+            remedy=f"Check time_unit, which is {unit!r}, or correct the cell",
+        )
+    lost = np.flatnonzero(np.isnan(time))
     if len(lost):
         raise InputError(
             f"{len(lost)} samples have no time stamp",

@@ -100,6 +100,11 @@ FILES = {
         {},
         "channel 'P': every reading is 0.8: the channel never moves. Map another column",
     ),
+    "channel that moves by rounding only": (
+        column_of(lambda k: f"{40 + 8e-6 * (k % 2):.6f}"),
+        {},
+        "channel 'P': every reading is 0.8: the channel never moves. Map another column",
+    ),
     "unsorted time": (
         SWAPPED,
         {},
@@ -115,6 +120,11 @@ FILES = {
         edited(9, ",1.0,40"),
         {},
         "line 9, column 'time': 1 samples have no time stamp. Allowed: a number in every row.",
+    ),
+    "time stamp beyond any number": (
+        edited(9, "1e400,1.0,40"),
+        {},
+        "line 9, column 'time': 1 time stamps lie beyond any date. Allowed: up to 1e+11 s from time 0. Check time_unit",
     ),
     "date as number": (
         edited(2, "2024-05-01 12:00,1.0,40"),

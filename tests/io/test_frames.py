@@ -121,7 +121,7 @@ def test_assumptions_are_written_down():
         "P in pu was taken to be on the base of 50 MVA.",
         "P was recorded positive when consumed; its sign was turned.",
         "Q was recorded for one phase; the other two were taken to be equal.",
-        "1 infinite readings of P were taken as gaps.",
+        "1 infinite or absurdly large readings of P were taken as gaps.",
         f"{int((TIME > 4.5).sum()) + 1} of 250 readings of P are missing.",
     ):
         assert sentence in text
@@ -167,3 +167,12 @@ def test_a_wrong_base_is_warned_of():
 def test_columns_of_a_table_must_be_unique():
     with pytest.raises(InputError, match="column 'P' occurs more than once"):
         from_frame(pd.concat([FRAME, FRAME[["P"]]], axis=1), {"P": "P"}, **BASES)
+
+
+@pytest.mark.parametrize("unit", ["pu", "MW"])
+def test_readings_too_large_to_calculate_with_are_gaps(unit):
+    frame = FRAME.copy()
+    frame.iloc[[3, 70], frame.columns.get_loc("P")] = [1e308, -1e20]
+    rec = from_frame(frame, {"P": Column("P", unit=unit, scale=100.0 if unit == "MW" else 1.0)}, **BASES)
+    assert np.isnan(rec.channel("P").values[[3, 70]]).all()
+    assert any("2 infinite or absurdly large readings of P" in s for s in rec.assumptions)
