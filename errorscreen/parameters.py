@@ -14,6 +14,9 @@ from errorscreen.exceptions import InputError, unknown_name
 if TYPE_CHECKING:
     import pandas as pd
 
+#: What a parameter can be; empty for any number.
+DOMAINS = ("", ">= 0", "> 0")
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -38,11 +41,14 @@ class Parameter:
     scale : float, optional
         What a deviation is measured against in equation (12); ``abs(nominal)`` where not given, and needed
         where the nominal value is zero.
+    domain : {"", ">= 0", "> 0"}
+        What the quantity can be physically: any number, a gain, or a time constant, reactance or limit.
 
     Raises
     ------
     InputError
-        If a value is not finite, the range is empty or excludes the nominal value, or the scale is missing.
+        If a value is not finite, the range is empty, excludes the nominal value or leaves the domain, or the scale is
+        missing.
 
     Examples
     --------
@@ -59,14 +65,24 @@ class Parameter:
     symbol: str = ""
     description: str = ""
     scale: float | None = None
+    domain: str = ""
 
     def __post_init__(self) -> None:
         where = f"parameter {self.name!r}"
+        if self.domain not in DOMAINS:
+            raise unknown_name(self.domain, DOMAINS, kind="domain", where=where)
         for field in ("nominal", "lower", "upper"):
             value = float(getattr(self, field))
             if not np.isfinite(value):
                 raise InputError(f"{field} is {value}", where=where, allowed="a finite number")
             object.__setattr__(self, field, value)
+            if self.domain and (value < 0 or (value == 0 and self.domain == "> 0")):
+                raise InputError(
+                    f"{field} is {value:g}",
+                    where=where,
+                    allowed=f"a number {self.domain}",
+                    remedy="Correct the value, or narrow the bounds",
+                )
         if not self.lower < self.upper:
             raise InputError(
                 f"the range [{self.lower:g}, {self.upper:g}] is empty", where=where, allowed="lower < upper"

@@ -122,8 +122,18 @@ BAD_CASE = {
     "empty bounds": (
         "[screening]", "[device.parameters.Xd]\nlower = 2.0\nupper = 1.0\n[screening]", r"Xd.*is empty.*lower < upper",
     ),
+    "negative time constant": (
+        "[screening]", "[device.parameters.Tj]\nrelative = 1.5\n[screening]",
+        "parameter 'Tj': lower is -4.5. Allowed: a number > 0. Correct the value, or narrow the bounds",
+    ),
+    "zero reactance": (
+        "[screening]", "[device.parameters.Xd]\nlower = 0.0\n[screening]", "'Xd': lower is 0. Allowed: a number > 0",
+    ),
+    "negative damping": (
+        "[screening]", "[device.parameters.D]\nlower = -1.0\n[screening]", "'D': lower is -1. Allowed: a number >= 0",
+    ),
     "zero nominal": (
-        "[screening]", "[device.parameters.D]\nnominal = 0.0\nlower = -1.0\nupper = 1.0\n[screening]",
+        "[screening]", "[device.parameters.D]\nnominal = 0.0\nlower = 0.0\nupper = 1.0\n[screening]",
         "D.*nominal value is 0.*positive scale",
     ),
     "K > m": ("top_k = 3", "top_k = 9", "top_k.*9.*8"),

@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 
 from errorscreen.exceptions import InputError
 from errorscreen.parameters import Parameter, ParameterSpace
+from errorscreen.power import DEVICES
 
 SPACE = ParameterSpace(
     [Parameter("a", 1, 0.5, 2), Parameter("b", -10, -20, -5), Parameter("c", 0, 0, 1, scale=0.5)]
@@ -74,3 +75,29 @@ def test_space_is_hashable_and_tabulated():
 
 def test_embed_keeps_the_rest_nominal():
     assert np.array_equal(SPACE.embed([[0.7], [0.8]], ["c"]), [[1, -10, 0.7], [1, -10, 0.8]])
+
+
+@pytest.mark.parametrize("field", ["nominal", "lower"])
+@pytest.mark.parametrize(("domain", "bad"), [("> 0", 0.0), ("> 0", -1.0), (">= 0", -1.0)])
+def test_a_value_outside_the_domain_is_refused(field, domain, bad):
+    values = {"nominal": bad if field == "nominal" else 2.0, "lower": bad, "upper": 3.0}
+    with pytest.raises(InputError, match=f"parameter 'T': {field} is {bad:g}. Allowed: a number {domain}"):
+        Parameter("T", **values, domain=domain)
+
+
+def test_domains_hold_their_edge_and_survive_changes():
+    space = ParameterSpace([Parameter("K", 1.0, 0.0, 2.0, domain=">= 0"), Parameter("x", 1.0, -1.0, 2.0)])
+    assert space.replace({"K": {"nominal": 0.5}})["K"].domain == ">= 0"
+    with pytest.raises(InputError, match="parameter 'K': lower is -0.1"):
+        space.replace({"K": {"lower": -0.1}})
+    with pytest.raises(InputError, match="unknown domain 'positive'"):
+        Parameter("T", 1.0, 0.5, 2.0, domain="positive")
+
+
+@pytest.mark.parametrize("device", DEVICES.values(), ids=DEVICES)
+def test_every_parameter_of_a_device_has_a_domain(device):
+    domains = {p.name: p.domain for p in device.candidates}
+    assert set(domains.values()) == {"> 0", ">= 0"}
+    for p in device.candidates:
+        if p.unit == "s" or p.name.startswith("X"):
+            assert p.domain == "> 0"

@@ -7,13 +7,16 @@ all sources it depends on, so an edited equation gives a new module and stale co
 
 from __future__ import annotations
 
+import atexit
 import hashlib
 import importlib.util
 import inspect
 import os
+import shutil
 import sys
 import tempfile
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 
@@ -174,7 +177,15 @@ def cache_directory() -> Path:
         with tempfile.TemporaryFile(dir=path):
             return path
     except OSError:
-        return Path(tempfile.mkdtemp(prefix="errorscreen-"))
+        return _process_directory()
+
+
+@cache
+def _process_directory() -> Path:
+    """One folder for this process, removed at its end."""
+    path = tempfile.mkdtemp(prefix="errorscreen-")
+    atexit.register(shutil.rmtree, path, ignore_errors=True)
+    return Path(path)
 
 
 def fingerprint(model: Model, text: str) -> str:

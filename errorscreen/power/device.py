@@ -98,17 +98,24 @@ class Device:
 
 
 def relative_parameters(device: str, rows: str, spread: float = 0.3) -> ParameterSpace:
-    """Parameter table of a device: ``name | symbol | unit | nominal | description`` a line, bounds at ± `spread`.
+    """Parameter table of a device, bounds at ± `spread`.
+
+    Parameters
+    ----------
+    device : str
+    rows : str
+        ``name | symbol | unit | nominal | domain | description`` a line.
+    spread : float
 
     Examples
     --------
-    >>> relative_parameters("plant", "Tg | T_g | s | 0.02 | current lag").bounds
+    >>> relative_parameters("plant", "Tg | T_g | s | 0.02 | > 0 | current lag").bounds
     array([[0.014, 0.026]])
     """
     parameters = []
     for row in rows.strip().splitlines():
-        name, symbol, unit, nominal, description = (cell.strip() for cell in row.split("|"))
+        name, symbol, unit, nominal, domain, description = (cell.strip() for cell in row.split("|"))
         value = float(nominal)
         low, high = sorted((round(value * (1 - spread), 12), round(value * (1 + spread), 12)))
-        parameters.append(Parameter(name, value, low, high, unit, device, symbol, description))
+        parameters.append(Parameter(name, value, low, high, unit, device, symbol, description, domain=domain))
     return ParameterSpace(parameters)

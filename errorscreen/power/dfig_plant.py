@@ -143,21 +143,21 @@ DFIG_PLANT = Device(
     candidates=relative_parameters(
         "dfig_plant",
         """
-        KWI   | K_WI  | pu   | 10   | virtual inertia gain, power per frequency deviation
-        TLPwi | T_LP  | s    | 0.2  | low-pass of the frequency used by virtual inertia and power control
-        TCO   | T_CO  | s    | 0.02 | converter time constant
-        Xpp   | X''   | pu   | 0.80 | equivalent reactance
-        KPV   | K_PV  | pu   | 2.5  | proportional gain of the voltage regulator
-        KIV   | K_IV  | pu/s | 2.0  | integral gain of the voltage regulator
-        KQI   | K_QI  | 1/s  | 0.2  | gain of the reactive-power loop, voltage per reactive power
-        KVI   | K_VI  | 1/s  | 40   | gain of the terminal-voltage loop
-        Tjw   | T_jw  | s    | 9.0  | mechanical starting time of rotor and turbine, twice the inertia constant
-        KPT   | K_PT  | pu   | 3.0  | proportional gain of the torque control
-        KIT   | K_IT  | pu/s | 0.6  | integral gain of the torque control
-        TPC   | T_PC  | s    | 0.05 | time constant of the power order
-        TR    | T_R   | s    | 0.02 | time constant of the voltage measurement
-        apcFd | p_Fd  | pu   | 0.4  | power setting at point d of the frequency control curve
-        RIP   | R_IP  | pu/s | 5.0  | upper limit of the rise of active current
+        KWI   | K_WI  | pu   | 10   | >= 0 | virtual inertia gain, power per frequency deviation
+        TLPwi | T_LP  | s    | 0.2  | > 0  | low-pass of the frequency used by virtual inertia and power control
+        TCO   | T_CO  | s    | 0.02 | > 0  | converter time constant
+        Xpp   | X''   | pu   | 0.80 | > 0  | equivalent reactance
+        KPV   | K_PV  | pu   | 2.5  | >= 0 | proportional gain of the voltage regulator
+        KIV   | K_IV  | pu/s | 2.0  | >= 0 | integral gain of the voltage regulator
+        KQI   | K_QI  | 1/s  | 0.2  | >= 0 | gain of the reactive-power loop, voltage per reactive power
+        KVI   | K_VI  | 1/s  | 40   | >= 0 | gain of the terminal-voltage loop
+        Tjw   | T_jw  | s    | 9.0  | > 0  | mechanical starting time of rotor and turbine, twice the inertia constant
+        KPT   | K_PT  | pu   | 3.0  | >= 0 | proportional gain of the torque control
+        KIT   | K_IT  | pu/s | 0.6  | >= 0 | integral gain of the torque control
+        TPC   | T_PC  | s    | 0.05 | > 0  | time constant of the power order
+        TR    | T_R   | s    | 0.02 | > 0  | time constant of the voltage measurement
+        apcFd | p_Fd  | pu   | 0.4  | >= 0 | power setting at point d of the frequency control curve
+        RIP   | R_IP  | pu/s | 5.0  | > 0  | upper limit of the rise of active current
         """,
     ),
     constants=(

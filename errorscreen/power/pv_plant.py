@@ -123,23 +123,23 @@ PV_PLANT = Device(
     candidates=relative_parameters(
         "pv_plant",
         """
-        Tg       | T_g       | s    | 0.02 | time constant of the current regulator
-        Tm       | T_m       | s    | 0.02 | time constant of the voltage measurement
-        Tq       | T_q       | s    | 0.05 | time constant of the reactive-power measurement
-        Cdc      | C_dc      | s    | 0.10 | dc-link time constant, twice the stored energy over rated power
-        kpv      | k_pv      |      | 16   | curvature of the array's power over dc voltage
-        KPdc     | K_Pdc     | pu   | 4.0  | proportional gain of the dc-voltage control
-        KIdc     | K_Idc     | pu/s | 10   | integral gain of the dc-voltage control
-        KPQ      | K_PQ      | pu   | 0.3  | proportional gain of the reactive-power control
-        KIQ      | K_IQ      | pu/s | 8.0  | integral gain of the reactive-power control
-        KQ_LV    | K_Q,LV    |      | 0.30 | reactive coefficient in low-voltage ride-through: share of Q kept
-        K1_Iq_LV | K_1,Iq    |      | 2.0  | reactive current per voltage dip in ride-through
-        K2_Iq_LV | K_2,Iq    |      | 0.5  | share of the pre-fault reactive current in ride-through
-        K1_Ip_LV | K_1,Ip    |      | 0.6  | active current per voltage in ride-through
-        K2_Ip_LV | K_2,Ip    |      | 0.3  | share of the pre-fault active current in ride-through
-        Imax     | I_max     | pu   | 1.1  | converter current limit
-        RIp      | R_Ip      | pu/s | 3.0  | upper limit of the rise of active current
-        RIq      | R_Iq      | pu/s | 8.0  | limit of the rate of reactive current
+        Tg       | T_g       | s    | 0.02 | > 0  | time constant of the current regulator
+        Tm       | T_m       | s    | 0.02 | > 0  | time constant of the voltage measurement
+        Tq       | T_q       | s    | 0.05 | > 0  | time constant of the reactive-power measurement
+        Cdc      | C_dc      | s    | 0.10 | > 0  | dc-link time constant, twice the stored energy over rated power
+        kpv      | k_pv      |      | 16   | >= 0 | curvature of the array's power over dc voltage
+        KPdc     | K_Pdc     | pu   | 4.0  | >= 0 | proportional gain of the dc-voltage control
+        KIdc     | K_Idc     | pu/s | 10   | >= 0 | integral gain of the dc-voltage control
+        KPQ      | K_PQ      | pu   | 0.3  | >= 0 | proportional gain of the reactive-power control
+        KIQ      | K_IQ      | pu/s | 8.0  | >= 0 | integral gain of the reactive-power control
+        KQ_LV    | K_Q,LV    |      | 0.30 | >= 0 | reactive coefficient in low-voltage ride-through: share of Q kept
+        K1_Iq_LV | K_1,Iq    |      | 2.0  | >= 0 | reactive current per voltage dip in ride-through
+        K2_Iq_LV | K_2,Iq    |      | 0.5  | >= 0 | share of the pre-fault reactive current in ride-through
+        K1_Ip_LV | K_1,Ip    |      | 0.6  | >= 0 | active current per voltage in ride-through
+        K2_Ip_LV | K_2,Ip    |      | 0.3  | >= 0 | share of the pre-fault active current in ride-through
+        Imax     | I_max     | pu   | 1.1  | > 0  | converter current limit
+        RIp      | R_Ip      | pu/s | 3.0  | > 0  | upper limit of the rise of active current
+        RIq      | R_Iq      | pu/s | 8.0  | > 0  | limit of the rate of reactive current
         """,
     ),
     constants=(

@@ -90,14 +90,14 @@ SYNCHRONOUS_MACHINE = Device(
     candidates=relative_parameters(
         "synchronous_machine",
         """
-        Xd   | X_d    | pu | 1.60 | d-axis synchronous reactance
-        Xd1  | X'_d   | pu | 0.32 | d-axis transient reactance
-        Xq   | X_q    | pu | 1.55 | q-axis synchronous reactance
-        Xq1  | X'_q   | pu | 0.50 | q-axis transient reactance
-        Td10 | T'_d0  | s  | 6.0  | d-axis open-circuit transient time constant
-        Tq10 | T'_q0  | s  | 0.8  | q-axis open-circuit transient time constant
-        Tj   | T_j    | s  | 9.0  | mechanical starting time, twice the inertia constant H
-        D    | D      | pu | 2.0  | damping coefficient, power per speed deviation
+        Xd   | X_d    | pu | 1.60 | > 0  | d-axis synchronous reactance
+        Xd1  | X'_d   | pu | 0.32 | > 0  | d-axis transient reactance
+        Xq   | X_q    | pu | 1.55 | > 0  | q-axis synchronous reactance
+        Xq1  | X'_q   | pu | 0.50 | > 0  | q-axis transient reactance
+        Td10 | T'_d0  | s  | 6.0  | > 0  | d-axis open-circuit transient time constant
+        Tq10 | T'_q0  | s  | 0.8  | > 0  | q-axis open-circuit transient time constant
+        Tj   | T_j    | s  | 9.0  | > 0  | mechanical starting time, twice the inertia constant H
+        D    | D      | pu | 2.0  | >= 0 | damping coefficient, power per speed deviation
         """,
     ),
     constants=(

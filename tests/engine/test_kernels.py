@@ -1,6 +1,7 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -104,3 +105,19 @@ def test_a_folder_that_cannot_be_written_is_replaced_by_one_for_the_process(tmp_
     file.write_text("")
     monkeypatch.setenv("ERRORSCREEN_CACHE_DIR", str(file))
     assert cache_directory().is_dir()
+
+
+def test_without_a_cache_directory_a_process_uses_one_folder_and_removes_it(tmp_path):
+    (tmp_path / "file").write_text("")
+    program = "from errorscreen.engine.codegen import cache_directory as d; print(d(), d(), sep='\\n')"
+    run = subprocess.run(
+        [sys.executable, "-c", program],
+        env={**os.environ, "ERRORSCREEN_CACHE_DIR": str(tmp_path / "file"), "TMPDIR": str(tmp_path)},
+        capture_output=True,
+        encoding="utf-8",
+        check=True,
+    )
+    first, second = run.stdout.split()
+    assert first == second
+    assert Path(first).parent == tmp_path
+    assert not Path(first).exists()
