@@ -8,6 +8,7 @@ Below four simulations the scalar kernel (one lane) is faster.
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numba
 import numpy as np
@@ -48,6 +49,17 @@ class Engine:
         self.model = model
         self.layout = Layout.of(model)
         self.n_threads = n_threads
+        self._kernels: dict[int, Any] = {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave compiled code behind: another process finds it in the cache."""
+        return {**self.__dict__, "_kernels": {}}
+
+    def _kernel(self, lanes: int) -> Any:
+        """Compiled integrator for so many lanes."""
+        if lanes not in self._kernels:
+            self._kernels[lanes] = load_module(self.model, lanes).integrate
+        return self._kernels[lanes]
 
     def integrate(
         self,
@@ -114,7 +126,7 @@ class Engine:
             on,
             out,
         )
-        kernel = load_module(model, lanes).integrate
+        kernel = self._kernel(lanes)
         threads = min(self.n_threads or numba.config.NUMBA_NUM_THREADS, blocks)
         share = min(_BLOCKS_PER_TASK, -(-blocks // threads))
         tasks = [(b, min(b + share, blocks)) for b in range(0, blocks, share)]
