@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,32 @@ class Constant:
     value: float
     unit: str = ""
     description: str = ""
+
+
+@dataclass(frozen=True)
+class GridInterface:
+    """Connection of a device to a grid.
+
+    Parameters
+    ----------
+    kind : {"rotor", "norton", "current"}
+        What the device is for the grid: electromotive forces Ed1, Eq1 behind Ra, Xd1, Xq1 in the rotor's frame of
+        angle delta; the current Cr + jCi beside the reactance Xpp; or the current Cr + jCi alone.
+    source : tuple of callable
+        Stages before the solution of the grid; they write Cr and Ci.
+    terminal : tuple of callable
+        Stages behind it, in place of the first stage of the device; they may read Vr, Vi, Ir, Ii and size.
+    states : tuple of (str, str)
+        Additional states, each with the quantity of the operating point that it starts at.
+    constants : tuple of Constant
+        Additional constants.
+    """
+
+    kind: Literal["rotor", "norton", "current"]
+    source: tuple[Equations, ...]
+    terminal: tuple[Equations, ...]
+    states: tuple[tuple[str, str], ...] = ()
+    constants: tuple[Constant, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -64,6 +91,8 @@ class Device:
         True if the response depends on how the angle of the terminal voltage moves.
     source : str
         Where the equations come from.
+    grid : GridInterface, optional
+        How the device is connected to a simulated grid; without it, it can only be played back.
     """
 
     name: str
@@ -77,6 +106,7 @@ class Device:
     ports: Mapping[str, str]
     needs_angle: bool
     source: str
+    grid: GridInterface | None = None
 
     inputs = ("Vr", "Vi")
     outputs = ("P", "Q")

@@ -21,13 +21,16 @@ One rotating mass; the pitch is fixed, so the aerodynamic power is constant over
     a &= 1 - (1 - p_{Fd})\,[(f_f - f_c)/(f_d - f_c)]_0^1                                & (W9)\\
     I_p^* &= [(a P_{ord} + P_{wi})/V]_0^{I_{p,max}\,\ell(V_f)},\quad
     \dot I_p = \min\big((I_p^* - I_p)/T_{CO},\ R_{IP}\big)                              & (W10)\\
-    T_{jw}\,\dot\omega_r &= (P_0 - P)/\omega_r                                         & (W11)
+    T_{jw}\,\dot\omega_r &= (P_0 - P)/\omega_r                                         & (W11)\\
+    I &= C - V/(jX''),\quad C = \big(I_p + E''/(jX'')\big)\,e^{j\vartheta}                & (W12)
 
-:math:`\ell` in (W10) is the low-voltage power logic: 0 below `zerox`, 1 above `brkpt`, linear between. The reactive
-droop :math:`X_c` in (W6), as Kc of the generic plant controller REPC_A, gives the two integrators (W5), (W6) their
-damping when the terminal voltage is imposed, as it is in playback. Integrators do not wind up: beyond their limits
-they decay with the time constant `Taw`. Some typical values are ours, because playback of seconds asks for others than
-the cited reports: those have KPV 18 and KIV 5, a slower frequency filter (1 s) and a wider dead band.
+(W12) takes the place of (W1) in a simulated grid: current and voltage source lie along the frame of the phase-locked
+loop, so that (W1) holds once that has settled. :math:`\ell` in (W10) is the low-voltage power logic: 0 below `zerox`,
+1 above `brkpt`, linear between. The reactive droop :math:`X_c` in (W6), as Kc of the generic plant controller REPC_A,
+gives the two integrators (W5), (W6) their damping when the terminal voltage is imposed, as it is in playback.
+Integrators do not wind up: beyond their limits they decay with the time constant `Taw`. Some typical values are ours,
+because playback of seconds asks for others than the cited reports: those have KPV 18 and KIV 5, a slower frequency
+filter (1 s) and a wider dead band.
 """
 
 from __future__ import annotations
@@ -39,7 +42,8 @@ from numpy.typing import NDArray
 
 from errorscreen.engine.stages import stage
 from errorscreen.engine.vmath import back_calculate, clip, select, sincos
-from errorscreen.power.device import Constant, Device, Values, relative_parameters
+from errorscreen.power.device import Constant, Device, GridInterface, Values, relative_parameters
+from errorscreen.power.grid_terminal import phase_locked_loop, terminal_power
 
 _V_MIN = 0.05  # the divisions by V stop here
 
@@ -51,6 +55,13 @@ def terminal(Epp: Any, Ip: Any, theta: Any, Vr: Any, Vi: Any, Xpp: Any, KPLL: An
     s, c = sincos(theta)
     d_theta = KPLL * (Vi * c - Vr * s) / clip(V, _V_MIN, 10.0)  # (W2)
     return V, V * Ip, V * (Epp - V) / Xpp, d_theta / (6.283185307179586 * f0), d_theta
+
+
+@stage("Cr", "Ci")
+def grid_source(Epp: Any, Ip: Any, theta: Any, Xpp: Any) -> Any:
+    """Current beside the reactance X'', (W12)."""
+    s, c = sincos(theta)
+    return Ip * c + Epp * s / Xpp, Ip * s - Epp * c / Xpp
 
 
 @stage("d_Vf", "d_ff")
@@ -202,4 +213,5 @@ DFIG_PLANT = Device(
     },
     needs_angle=True,
     source="Clark, Miller, Sanchez-Gasca, Modeling of GE Wind Turbine-Generators for Grid Studies, v4.5, 2010",
+    grid=GridInterface("norton", source=(grid_source,), terminal=(terminal_power, phase_locked_loop)),
 )

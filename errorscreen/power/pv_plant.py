@@ -2,8 +2,9 @@ r"""Photovoltaic plant with low-voltage ride-through, 17 candidate parameters.
 
 Structure after GB/T 32892-2016 (model of photovoltaic power systems for power-system studies: dc side, outer
 loops, ride-through control, current regulator) and the converter of the WECC generic model REGC_A (WECC Solar Plant
-Dynamic Modeling Guidelines, 2014). Reactive power is positive when generated; the phase-locked loop is ideal, so
-only the magnitude of the terminal voltage matters.
+Dynamic Modeling Guidelines, 2014). Reactive power is positive when generated. In playback the phase-locked loop is
+ideal, so only the magnitude of the terminal voltage matters; in a simulated grid the current (PV12) lies along the
+angle of a loop (T2), and power follows from current and voltage.
 
 .. math::
 
@@ -20,7 +21,8 @@ only the magnitude of the terminal voltage matters.
     I_q^{*} &= [(1-w) I_q^n + w I_q^{LV}]_{\pm I_{max}},\quad
     I_p^{*} = [(1-w) I_p^n + w I_p^{LV}]_0^{\sqrt{I_{max}^2 - I_q^{*2}}}                    & (PV10)\\
     \dot I_p &= \min\big((I_p^* - I_p)/T_g,\ R_{Ip}\big),\quad
-    \dot I_q = \big[(I_q^* - I_q)/T_g\big]_{\pm R_{Iq}}                                     & (PV11)
+    \dot I_q = \big[(I_q^* - I_q)/T_g\big]_{\pm R_{Iq}}                                     & (PV11)\\
+    C &= (I_p - jI_q)\,e^{j\vartheta}                                                    & (PV12)
 
 (PV3) is a cubic transition over the band :math:`\Delta V_{LV}` below the threshold instead of a hard switch, so that
 the response is differentiable in all parameters. In (PV4) the power falls steeply towards the array's open-circuit
@@ -37,8 +39,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen.engine.stages import stage
-from errorscreen.engine.vmath import back_calculate, clip, select, smooth_step
-from errorscreen.power.device import Constant, Device, Values, relative_parameters
+from errorscreen.engine.vmath import back_calculate, clip, select, sincos, smooth_step
+from errorscreen.power.device import Constant, Device, GridInterface, Values, relative_parameters
+from errorscreen.power.grid_terminal import phase_locked_loop, terminal_power
 
 #: below this voltage the divisions by V stop; a converter at a dead terminal injects its limits anyway
 _V_MIN = 0.05
@@ -49,6 +52,13 @@ def terminal(Ip: Any, Iq: Any, Vr: Any, Vi: Any) -> Any:
     """Voltage magnitude and injected power, (PV1)."""
     V = np.sqrt(Vr * Vr + Vi * Vi)
     return V, V * Ip, V * Iq
+
+
+@stage("Cr", "Ci")
+def grid_source(Ip: Any, Iq: Any, theta: Any) -> Any:
+    """Injected current in the frame of the grid, (PV12)."""
+    s, c = sincos(theta)
+    return Ip * c + Iq * s, Ip * s - Iq * c
 
 
 @stage("d_Vf", "d_Qf", "w")
@@ -159,4 +169,14 @@ PV_PLANT = Device(
     },
     needs_angle=False,
     source="GB/T 32892-2016; WECC Solar Plant Dynamic Modeling Guidelines, 2014 (REGC_A)",
+    grid=GridInterface(
+        "current",
+        source=(grid_source,),
+        terminal=(terminal_power, phase_locked_loop),
+        states=(("theta", "angle"),),
+        constants=(
+            Constant("f0", 60.0, "Hz", "nominal frequency"),
+            Constant("KPLL", 30.0, "1/s", "gain of the phase-locked loop"),
+        ),
+    ),
 )

@@ -27,7 +27,8 @@ from numpy.typing import NDArray
 
 from errorscreen.engine.stages import stage
 from errorscreen.engine.vmath import sincos
-from errorscreen.power.device import Constant, Device, Values, relative_parameters
+from errorscreen.power.device import Constant, Device, GridInterface, Values, relative_parameters
+from errorscreen.power.grid_terminal import terminal_power
 
 
 @stage("Vd", "Vq", "Id", "Iq", "P", "Q", "V")
@@ -111,4 +112,5 @@ SYNCHRONOUS_MACHINE = Device(
     ports={"Efd": "field voltage in pu", "Pm": "mechanical power in pu"},
     needs_angle=True,
     source="Sauer, Pai, Chow, Power System Dynamics and Stability, 2nd ed. 2017, section 6.4",
+    grid=GridInterface("rotor", source=(), terminal=(terminal_power,)),
 )

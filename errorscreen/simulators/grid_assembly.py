@@ -1,0 +1,241 @@
+"""Wires machines, converters and the solution of the reduced grid to one model for the engine."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from errorscreen.engine.stages import Call, Equations, Model, reads_of, writes_of
+from errorscreen.power import elimination, two_axis_fixed
+from errorscreen.power.device import Device
+from errorscreen.power.reduction import ReducedNetwork
+
+#: quantities of the whole grid, which have no prefix
+_SHARED = ("f0",)
+#: functions that add so many terms to a sum
+_SUMS: dict[int, Equations] = {0: elimination.copy, 1: elimination.add_one, 3: elimination.add_three}
+
+
+def qualified(prefix: str, name: str) -> str:
+    """Name of a quantity of one unit in the model's name space; a derivative keeps its ``d_`` in front.
+
+    Examples
+    --------
+    >>> qualified("pv_plant", "d_W"), qualified("pv_plant", "W"), qualified("pv_plant", "f0")
+    ('d_pv_plant.W', 'pv_plant.W', 'f0')
+    """
+    if name in _SHARED:
+        return name
+    return f"d_{prefix}.{name[2:]}" if name.startswith("d_") else f"{prefix}.{name}"
+
+
+def machine_prefix(bus: int) -> str:
+    """Prefix of the quantities of a fixed machine."""
+    return f"machine_{bus}"
+
+
+def constant_names(device: Device) -> tuple[str, ...]:
+    """Candidates, constants and set-points of a device in a grid, without prefix."""
+    assert device.grid is not None
+    constants = (*device.constants, *device.grid.constants)
+    return (*device.candidates.names, *(c.name for c in constants), *device.setpoints, "size")
+
+
+class GridModel:
+    """Model of machines and devices at the terminals of a reduced grid.
+
+    Parameters
+    ----------
+    machines : iterable of int
+        Buses of the fixed machines.
+    devices : iterable of Device
+        At most one of the kind ``"norton"`` and one of the kind ``"rotor"``.
+    channels : mapping of str to int or (int, int)
+        Observed quantities, as in `PowerSystemSimulator`.
+    """
+
+    def __init__(
+        self,
+        machines: Iterable[int],
+        devices: Iterable[Device],
+        channels: dict[str, int | tuple[int, int]],
+    ) -> None:
+        self.machines, self.devices, self.channels = tuple(machines), tuple(devices), channels
+        self._calls: list[Call] = []
+        self._order = [*map(machine_prefix, self.machines), *(d.name for d in self.devices)]
+        by_kind = {d.grid.kind: d.name for d in self.devices if d.grid}
+        self._norton, self._rotor = by_kind.get("norton"), by_kind.get("rotor")
+
+    def model(self) -> Model:
+        """Model whose tables are those of `table`."""
+        self._calls = []
+        self._sources()
+        self._solve()
+        self._units()
+        self._observe()
+        machine_constants = ("Xd", "Xd1", "Xq", "Td10", "Tq10", "Tj", "D", "Efd", "Pm")
+        states = [qualified(p, s) for p in self._order[: len(self.machines)] for s in two_axis_fixed.STATES]
+        constants = [qualified(p, c) for p in self._order[: len(self.machines)] for c in machine_constants]
+        for d in self.devices:
+            assert d.grid is not None
+            states += [qualified(d.name, s) for s in (*d.states, *(s for s, _ in d.grid.states))]
+            constants += [qualified(d.name, c) for c in constant_names(d)]
+        return Model(
+            name="grid",
+            inputs=(),
+            states=tuple(states),
+            constants=tuple(dict.fromkeys((*_SHARED, *constants))),
+            calls=tuple(self._calls),
+            outputs=tuple(f"channel.{name}" for name in self.channels),
+            tables=self._table_names(),
+        )
+
+    def table(self, reduced: ReducedNetwork) -> NDArray[np.float64]:
+        """Values of the tables for one state of the grid, shape (n_tables,)."""
+        rows = [reduced.impedance]
+        flow = 0
+        observed = dict(zip(reduced.observed, reduced.transfer, strict=True))
+        for where in self.channels.values():
+            if isinstance(where, tuple):
+                rows += [reduced.flow_voltages[flow : flow + 1], reduced.flow_currents[flow : flow + 1]]
+                flow += 1
+            else:
+                rows.append(observed[where][None])
+        values = np.concatenate(rows)
+        return np.stack([values.real, values.imag], axis=-1).ravel()
+
+    def _rows(self) -> list[str]:
+        rows = list(self._order)
+        for name, where in self.channels.items():
+            rows += (
+                [f"channel.{name}.V", f"channel.{name}.I"]
+                if isinstance(where, tuple)
+                else [f"channel.{name}.V"]
+            )
+        return rows
+
+    def _table_names(self) -> tuple[str, ...]:
+        return tuple(
+            part for row in self._rows() for column in self._order for part in _impedance(row, column)
+        )
+
+    def _add(
+        self, function: Equations, reads: Iterable[str], writes: Iterable[str], each_step: bool = False
+    ) -> None:
+        self._calls.append(Call(function, tuple(reads), tuple(writes), each_step=each_step))
+
+    def _stage(self, prefix: str, function: Equations) -> None:
+        """Call a stage with the names of its arguments and results, those of one unit."""
+        self._add(
+            function,
+            (qualified(prefix, n) for n in reads_of(function)),
+            (qualified(prefix, n) for n in writes_of(function)),
+        )
+
+    def _sources(self) -> None:
+        """What states determine before the grid is solved; J of machines and of current-controlled converters."""
+        for prefix in self._order[: len(self.machines)]:
+            self._stage(prefix, two_axis_fixed.internal_source)
+        for d in self.devices:
+            assert d.grid is not None
+            for function in d.grid.source:
+                self._stage(d.name, function)
+            if d.grid.kind == "current":
+                self._add(elimination.injected, _of(d.name, "Cr", "Ci", "size"), _of(d.name, "Ir", "Ii"))
+
+    def _solve(self) -> None:
+        """Currents of all units, then their voltages: (G1) to (G5)."""
+        for row in self._order:
+            self._sum(row, row, "V0", self._known())
+        w, m = self._norton, self._rotor
+        if w:
+            reads = (*_of(w, "Cr", "Ci", "Xpp", "size", "V0r", "V0i"), *_impedance(w, w))
+            self._add(elimination.norton, reads, _of(w, *writes_of(elimination.norton)))
+        if w and m:
+            reads = (
+                *_of(w, "I0r", "I0i", "hr", "hi"), *_of(m, "V0r", "V0i"),
+                *_impedance(m, m), *_impedance(m, w), *_impedance(w, m),
+            )  # fmt: skip
+            self._add(elimination.seen_by_machine, reads, _of(m, *writes_of(elimination.seen_by_machine)))
+        if m:
+            seen = _of(m, "Er", "Ei", "R", "X") if w else (*_of(m, "V0r", "V0i"), *_impedance(m, m))
+            own = _of(m, *reads_of(elimination.machine_current)[4:])
+            self._add(
+                elimination.machine_current, (*seen, *own), _of(m, *writes_of(elimination.machine_current))
+            )
+        if w and m:
+            reads = (*_of(w, "I0r", "I0i"), *_of(m, "kr", "ki", "Ir", "Ii"))
+            self._add(elimination.converter_current, reads, _of(w, "Ir", "Ii"))
+        elif w:
+            self._add(elimination.copy, _of(w, "I0r", "I0i"), _of(w, "Ir", "Ii"))
+        for row in self._order:
+            self._sum(row, row, "V", self._unknown(), start=_of(row, "V0r", "V0i"))
+
+    def _units(self) -> None:
+        """Derivatives of all states."""
+        for prefix in self._order[: len(self.machines)]:
+            self._stage(prefix, two_axis_fixed.rotor)
+        for d in self.devices:
+            assert d.grid is not None
+            for function in (*d.grid.terminal, *d.stages[1:]):
+                self._stage(d.name, function)
+
+    def _observe(self) -> None:
+        """Channels, once a step."""
+        for name, where in self.channels.items():
+            channel = f"channel.{name}"
+            parts = ("V", "I") if isinstance(where, tuple) else ("V",)
+            for part in parts:
+                self._sum(f"{channel}.{part}", channel, f"{part}0", self._known(), each_step=True)
+                start = _of(channel, f"{part}0r", f"{part}0i")
+                self._sum(f"{channel}.{part}", channel, part, self._unknown(), start=start, each_step=True)
+            function = elimination.arriving_power if len(parts) == 2 else elimination.magnitude
+            self._add(
+                function,
+                (n for p in parts for n in _of(channel, f"{p}r", f"{p}i")),
+                (channel,),
+                each_step=True,
+            )
+
+    def _known(self) -> list[tuple[str, ...]]:
+        """Column and names of the currents that states determine."""
+        known = [(p, *_of(p, "Jr", "Ji")) for p in self._order[: len(self.machines)]]
+        others = [d.name for d in self.devices if d.name not in (self._norton, self._rotor)]
+        return [*known, *((p, *_of(p, "Ir", "Ii")) for p in others)]
+
+    def _unknown(self) -> list[tuple[str, ...]]:
+        return [(p, *_of(p, "Ir", "Ii")) for p in (self._norton, self._rotor) if p]
+
+    def _sum(
+        self,
+        row: str,
+        owner: str,
+        name: str,
+        terms: list[tuple[str, ...]],
+        *,
+        start: tuple[str, ...] = (),
+        each_step: bool = False,
+    ) -> None:
+        """Add the voltages of several currents at one row of the grid to `start`, (G1)."""
+        target = _of(owner, f"{name}r", f"{name}i")
+        if not start:
+            (column, *current), *terms = terms
+            self._add(elimination.product, (*current, *_impedance(row, column)), target, each_step)
+            start = target
+        while terms or start != target:
+            count = 3 if len(terms) >= 3 else min(len(terms), 1)
+            function = _SUMS[count]
+            reads = (n for column, *current in terms[:count] for n in (*current, *_impedance(row, column)))
+            self._add(function, (*start, *reads), target, each_step)
+            start, terms = target, terms[count:]
+
+
+def _of(prefix: str, *names: str) -> tuple[str, ...]:
+    return tuple(qualified(prefix, name) for name in names)
+
+
+def _impedance(row: str, column: str) -> tuple[str, str]:
+    """Names of the table entries that lead from the current at a column to a row."""
+    return f"r({row}, {column})", f"x({row}, {column})"
