@@ -23,6 +23,9 @@ from errorscreen.simulators.base import Simulator, Status
 __all__ = ["ErrorDataset", "Sensitivity", "generate_dataset", "local_sensitivity"]
 
 _FIELDS = ("responses", "contributions", "status")
+#: Bytes that a batch may take: its responses, their changes and the squares of these, beside what the engine needs
+_BATCH_BYTES = 128 * 2**20
+_COPIES = 4
 _Batch = dict[str, NDArray[Any]]
 
 
@@ -150,7 +153,8 @@ def generate_dataset(
         Number of joblib workers; ``None`` follows ``joblib.parallel_config``, which also chooses the backend.
         The result is the same, bit for bit, for any number.
     batch_size : int, default 1024
-        About how many simulations go to the simulator at a time.
+        About how many simulations go to the simulator at a time; fewer where the responses are long, so that a
+        batch takes about 128 MB.
     progress : bool, default False
         Show a progress bar.
     checkpoint : path-like, optional
@@ -181,7 +185,9 @@ def generate_dataset(
     baseline = simulator.baseline(event)
     theta = latin_hypercube(simulator.parameters, n_samples, random_state)
 
-    rows = max(1, batch_size // (len(simulator.parameters) + 1))  # fixed, so that n_jobs changes nothing
+    # fixed by the arguments alone, so that n_jobs changes nothing
+    batch_size = min(batch_size, _BATCH_BYTES // (_COPIES * baseline.nbytes))
+    rows = max(1, batch_size // (len(simulator.parameters) + 1))
     batches = [theta[start : start + rows] for start in range(0, len(theta), rows)]
     options = {"relative": bool(relative), "step": step, "weights": lambdas.tolist()}
     store = None

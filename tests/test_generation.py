@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from joblib import parallel_config
 from sklearn.model_selection import train_test_split
 
+from errorscreen import generation
 from errorscreen.datasets import ErrorDataset
 from errorscreen.exceptions import DataWarning, InputError, SimulationError
 from errorscreen.generation import generate_dataset, local_sensitivity
@@ -88,6 +89,26 @@ def test_batches_change_nothing(n, batch_size):
         generate_dataset(simulator, n, random_state=7, batch_size=batch_size),
         generate_dataset(simulator, n, random_state=7, batch_size=10**6),
     )
+
+
+def test_batches_of_long_responses_are_small(monkeypatch):
+    """Four copies of what is simulated at a time fit into the bytes allowed, and the result stays the same."""
+    simulator = oscillator()
+    free = generate_dataset(simulator, 40, random_state=7)
+    simulate, sizes = simulator.simulate, []
+
+    def counting(theta, event=None):
+        responses = simulate(theta, event)
+        sizes.append(responses.values.nbytes)
+        return responses
+
+    monkeypatch.setattr(simulator, "simulate", counting)
+    generate_dataset(simulator, 40, random_state=7)
+    assert max(sizes) == 40 * 5 * free.baseline.nbytes  # all at once
+    sizes.clear()
+    monkeypatch.setattr(generation, "_BATCH_BYTES", 4 * 12 * free.baseline.nbytes)
+    assert_same(generate_dataset(simulator, 40, random_state=7), free)
+    assert max(sizes) == 2 * 5 * free.baseline.nbytes
 
 
 def test_the_number_of_workers_changes_nothing():

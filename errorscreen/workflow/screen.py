@@ -130,6 +130,30 @@ def _network(
 ) -> tuple[NDArray[np.float64], int, int]:
     """Simulate labelled errors, train, and read the measured error: the paper's method."""
     import_network()  # what is missing must be told before the simulations, not after them
+    error, training, contributions, n_failed = _training_set(
+        simulator, observation, section, run, folder, progress
+    )
+    screener = ContributionScreener(
+        error_pipeline(observation, section, run.random_state, progress),
+        simulator.parameters.names,
+        noise=np.where(observation.mask, observation.noise[:, None], 0.0),
+        random_state=run.random_state,
+    )
+    screener.fit(training, contributions)
+    measured = error.transform(observation.values[None])
+    n_simulations = section.samples * (len(simulator.parameters) + 1)
+    return screener.predict(measured)[0], n_simulations, n_failed
+
+
+def _training_set(
+    simulator: Simulator,
+    observation: Observation,
+    section: ScreeningSection,
+    run: RunSection,
+    folder: Path,
+    progress: bool,
+) -> tuple[ResponseErrorTransformer, NDArray[np.float64], NDArray[np.float64], int]:
+    """Errors with labels; the responses themselves are let go of, because those of a fast recorder are large."""
     dataset = generate_dataset(
         simulator,
         section.samples,
@@ -143,13 +167,4 @@ def _network(
     error = ResponseErrorTransformer(dataset.baseline, missing="zero").fit(usable.responses)
     training = error.transform(usable.responses)
     training[:, ~observation.mask] = 0.0  # what was not measured must not be learned from
-    screener = ContributionScreener(
-        error_pipeline(observation, section, run.random_state, progress),
-        simulator.parameters.names,
-        noise=np.where(observation.mask, observation.noise[:, None], 0.0),
-        random_state=run.random_state,
-    )
-    screener.fit(training, usable.contributions)
-    measured = error.transform(observation.values[None])
-    n_simulations = section.samples * (len(simulator.parameters) + 1)
-    return screener.predict(measured)[0], n_simulations, dataset.n_failed
+    return error, training, usable.contributions, dataset.n_failed
