@@ -119,7 +119,8 @@ def _warn_implausible(P: float, Q: float, where: str) -> list[str]:
             f"Q before the event is {Q:.3g} pu and P {P:.3g} pu: check that they are not interchanged."
         )
     for note in notes:
-        warnings.warn(f"{where}: {note}", DataWarning, stacklevel=4)
+        # the same place for every caller, so that the note is shown once in a run
+        warnings.warn(f"{where}: {note}", DataWarning, stacklevel=2)
     return notes
 
 
