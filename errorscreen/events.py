@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from errorscreen.exceptions import InputError
+from errorscreen.exceptions import InputError, check_real
 
 
 @dataclass(frozen=True)
@@ -71,3 +72,113 @@ class Playback(Event):
                     f"signal {name!r} has shape {np.shape(values)} or holds values that are not finite",
                     allowed=f"{len(self.time)} finite values",
                 )
+
+
+@dataclass(frozen=True)
+class GridEvent(Event):
+    """A disturbance of a simulated grid; by itself nothing happens.
+
+    Parameters
+    ----------
+    level : float
+        Load level before the disturbance: all loads and the active power of all generators are multiplied by it.
+    """
+
+    level: float = field(default=1.0, kw_only=True)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_real(self.level, "the load level", low=0, above=True, where=self.name)
+
+    def changes(self, network: Any) -> tuple[tuple[float, Any], ...]:
+        """Instants in seconds and the grid from each of them on, from the grid before.
+
+        Parameters
+        ----------
+        network : errorscreen.power.network.Network
+        """
+        return ()
+
+
+@dataclass(frozen=True)
+class BusFault(GridEvent):
+    """A symmetrical short circuit at a bus that is cleared by itself.
+
+    Parameters
+    ----------
+    bus : int
+    duration : float
+        Seconds until it is cleared.
+    impedance : complex
+        To ground, in pu of the grid's base; 0 is a bolted fault.
+
+    Examples
+    --------
+    >>> fault = BusFault(np.arange(0, 5, 0.01), "fault at bus 3", 1.0, bus=3, duration=0.1)
+    >>> fault.start, fault.impedance
+    (1.0, 0.0)
+    """
+
+    bus: int = field(kw_only=True)
+    duration: float = field(default=0.1, kw_only=True)
+    impedance: complex = field(default=0.0, kw_only=True)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_real(self.duration, "the duration", low=0, above=True, where=self.name)
+
+    def changes(self, network: Any) -> tuple[tuple[float, Any], ...]:
+        """Grid with the fault, and without it again."""
+        return (
+            (self.start, network.with_fault(self.bus, self.impedance)),
+            (self.start + self.duration, network),
+        )
+
+
+@dataclass(frozen=True)
+class LineTrip(GridEvent):
+    """A branch that is opened at both ends.
+
+    Parameters
+    ----------
+    ends : (int, int)
+        Its buses.
+    circuit : str, optional
+        Which one, where there are several.
+
+    Examples
+    --------
+    >>> LineTrip(np.arange(0, 5, 0.01), "line 3-4 out", 1.0, ends=(3, 4)).ends
+    (3, 4)
+    """
+
+    ends: tuple[int, int] = field(kw_only=True)
+    circuit: str | None = field(default=None, kw_only=True)
+
+    def changes(self, network: Any) -> tuple[tuple[float, Any], ...]:
+        """Grid without the branch."""
+        return ((self.start, network.with_line_out(*self.ends, self.circuit)),)
+
+
+@dataclass(frozen=True)
+class LoadStep(GridEvent):
+    """Loads that change at once; they are impedances, so the power at the voltage before is meant.
+
+    Parameters
+    ----------
+    factor : float
+    buses : tuple of int, optional
+        All loads where not given.
+
+    Examples
+    --------
+    >>> LoadStep(np.arange(0, 5, 0.01), "load at bus 4 + 20 %", 1.0, factor=1.2, buses=(4,)).factor
+    1.2
+    """
+
+    factor: float = field(kw_only=True)
+    buses: tuple[int, ...] | None = field(default=None, kw_only=True)
+
+    def changes(self, network: Any) -> tuple[tuple[float, Any], ...]:
+        """Grid with the other loads."""
+        return ((self.start, network.with_load_scaled(self.factor, self.buses)),)

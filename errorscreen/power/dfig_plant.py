@@ -17,7 +17,8 @@ One rotating mass; the pitch is fixed, so the aerodynamic power is constant over
     T_{CO}\dot E'' = [E_c]_{V \pm X'' I_{q,max}} - E''                                  & (W6)\\
     T_e &= K_{PT}(\omega_r - \omega_{ref}) + x_T,\quad \dot x_T = K_{IT}(\omega_r - \omega_{ref}),\quad
     T_{PC}\dot P_{ord} = \omega_r T_e - P_{ord}                                        & (W7)\\
-    u &= [-f_f - d]^+,\quad T_{WO}\dot x_w = u - x_w,\quad P_{wi} = [K_{WI}(u - x_w)]_0^{P_{wi,max}} & (W8)\\
+    u &= [-f_f - d]^+ - [f_f - d_h]^+,\quad T_{WO}\dot x_w = u - x_w,\quad
+    P_{wi} = [K_{WI}(u - x_w)]_{P_{wi,min}}^{P_{wi,max}}                                  & (W8)\\
     a &= 1 - (1 - p_{Fd})\,[(f_f - f_c)/(f_d - f_c)]_0^1                                & (W9)\\
     I_p^* &= [(a P_{ord} + P_{wi})/V]_0^{I_{p,max}\,\ell(V_f)},\quad
     \dot I_p = \min\big((I_p^* - I_p)/T_{CO},\ R_{IP}\big)                              & (W10)\\
@@ -102,10 +103,12 @@ def torque_control(
 
 
 @stage("Pwi", "d_xw")
-def virtual_inertia(ff: Any, xw: Any, KWI: Any, Twowi: Any, dbwi: Any, Pwimax: Any) -> Any:
-    """Response to low frequency with washout, (W8)."""
-    u = select(ff < -dbwi, -ff - dbwi, 0.0)
-    return clip(KWI * (u - xw), 0.0, Pwimax), (u - xw) / Twowi
+def virtual_inertia(
+    ff: Any, xw: Any, KWI: Any, Twowi: Any, dbwi: Any, dbwih: Any, Pwimin: Any, Pwimax: Any
+) -> Any:
+    """Response to low and, where it is enabled, to high frequency with washout, (W8)."""
+    u = select(ff < -dbwi, -ff - dbwi, select(ff > dbwih, dbwih - ff, 0.0))
+    return clip(KWI * (u - xw), Pwimin, Pwimax), (u - xw) / Twowi
 
 
 @stage("apc")
@@ -185,6 +188,8 @@ DFIG_PLANT = Device(
         Constant("brkpt", 0.9, "pu", "voltage above which the active current is not reduced"),
         Constant("Twowi", 5.5, "s", "washout of the virtual inertia"),
         Constant("dbwi", 0.0005, "pu", "dead band of the virtual inertia"),
+        Constant("dbwih", 1.0, "pu", "dead band towards high frequency; 1: acts at low frequency only"),
+        Constant("Pwimin", 0.0, "pu", "lower limit of the virtual inertia"),
         Constant("Pwimax", 0.1, "pu", "limit of the virtual inertia"),
         Constant("fc", 0.001, "pu", "frequency deviation at point c, where power begins to fall"),
         Constant("fd", 0.02, "pu", "frequency deviation at point d"),

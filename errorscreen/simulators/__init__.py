@@ -1,6 +1,8 @@
 """Models that turn parameters and an event into responses."""
 
 from errorscreen.simulators.base import Responses, Simulator, Status
+from errorscreen.simulators.grid_unit import Unit
 from errorscreen.simulators.plant import PlantSimulator
+from errorscreen.simulators.power_system import PowerSystemSimulator
 
-__all__ = ["PlantSimulator", "Responses", "Simulator", "Status"]
+__all__ = ["PlantSimulator", "PowerSystemSimulator", "Responses", "Simulator", "Status", "Unit"]

@@ -1,0 +1,311 @@
+"""A grid with machines and the plants under test: responses at observed buses and lines to events in the grid."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from errorscreen.engine import Engine, ReferenceEngine
+from errorscreen.events import Event, GridEvent
+from errorscreen.exceptions import InputError, check_real, unknown_name
+from errorscreen.parameters import ParameterSpace
+from errorscreen.power import FixedMachine
+from errorscreen.power.load_flow import LoadFlow, solve_load_flow
+from errorscreen.power.network import Network
+from errorscreen.power.reduction import ReducedNetwork, reduce_network
+from errorscreen.recordings import Observation, Recording
+from errorscreen.simulators.base import Responses, Simulator, Status
+from errorscreen.simulators.grid_assembly import GridModel, machine_prefix, qualified
+from errorscreen.simulators.grid_unit import Unit
+
+#: a channel beyond this is not that of a grid, in pu
+_PLAUSIBLE = 1e3
+
+Values = dict[str, NDArray[np.float64]]
+
+
+class PowerSystemSimulator(Simulator):
+    """Voltages and powers observed in a grid when something happens in it.
+
+    The grid is reduced to the terminals of machines and units for each of its states, loads are constant impedances.
+    Every parameter vector starts at its own exact equilibrium: the load flow does not depend on the parameters.
+
+    Parameters
+    ----------
+    network : Network
+        With one generator for each machine and unit.
+    units : iterable of Unit
+        Plants under test, whose parameters are the candidates; each device at most once.
+    machines : iterable of FixedMachine
+        All other generators.
+    channels : mapping of str to int or (int, int)
+        Observed quantities in pu: a bus for the magnitude of its voltage; a pair (sending, receiving bus) for the
+        active power that arrives at the receiving bus over the branches between them.
+    event : GridEvent
+        What `simulate` uses where no event is given.
+    parameters : ParameterSpace, optional
+        Candidates, a subset of those of all devices in any order; all where not given.
+    f0 : float
+        Nominal frequency in Hz.
+    step : float
+        Longest step of the integration in seconds; the step used divides that of the time axis of an event, and
+        instants at which the grid changes must be multiples of it.
+    n_threads : int, optional
+        Threads of the engine; the result does not depend on it.
+    engine : {"compiled", "numpy"}
+        ``"numpy"`` is the slow reference path of the same equations.
+
+    Examples
+    --------
+    A machine at bus 1 feeds a PV plant's bus; its load rises by a tenth:
+
+    >>> from errorscreen.events import LoadStep
+    >>> from errorscreen.power.elements import Branch, Bus, Generator, Load
+    >>> grid = Network(
+    ...     (Bus(1), Bus(2)), (Branch(1, 2, 0.0, 0.1),), slack=1, loads=(Load(2, 1.5),),
+    ...     generators=(Generator(1, v=1.0), Generator(2, p=0.7, v=1.0)),
+    ... )
+    >>> system = PowerSystemSimulator(
+    ...     grid,
+    ...     [Unit(2, "pv_plant", rating=100.0)],
+    ...     [FixedMachine(1, H=5.0, Xd1=0.1)],
+    ...     channels={"U": 2, "P": (1, 2)},
+    ...     event=LoadStep(np.arange(0, 2, 0.01), "load step", 1.0, factor=1.1),
+    ... )
+    >>> system.baseline().round(3)[:, [0, -1]]
+    array([[1.   , 0.993],
+           [0.8  , 0.926]])
+    """
+
+    def __init__(
+        self,
+        network: Network,
+        units: Iterable[Unit],
+        machines: Iterable[FixedMachine],
+        *,
+        channels: Mapping[str, int | tuple[int, int]],
+        event: GridEvent,
+        parameters: ParameterSpace | None = None,
+        f0: float = 60.0,
+        step: float = 0.0025,
+        n_threads: int | None = None,
+        engine: str = "compiled",
+    ) -> None:
+        self.network, self.event = network, event
+        self.units_under_test, self.machines = tuple(units), tuple(machines)
+        self.observed = dict(channels)
+        self.f0 = check_real(f0, "f0", low=0, above=True, where="PowerSystemSimulator")
+        self.step = check_real(step, "the step", low=0, above=True, where="PowerSystemSimulator")
+        engines = {"compiled": Engine, "numpy": ReferenceEngine}
+        if engine not in engines:
+            raise unknown_name(engine, engines, kind="engine")
+        self._check_terminals()
+        candidates = ParameterSpace(p for unit in self.units_under_test for p in unit.model.candidates)
+        self.parameters = candidates if parameters is None else parameters
+        for name in self.parameters.names:
+            candidates.index(name)
+        self.channels = tuple(self.observed)
+        self.units = ("pu",) * len(self.channels)
+        self._grid = GridModel(
+            (m.bus for m in self.machines), (u.model for u in self.units_under_test), self.observed
+        )
+        self._engine = engines[engine](self._grid.model(), n_threads)
+        self._reduced(self._flow(event), self.network)  # an unknown bus or branch shows here
+
+    def __repr__(self) -> str:
+        return (
+            f"PowerSystemSimulator({len(self.network.buses)} buses, {len(self.machines)} machines, "
+            f"{', '.join(u.model.name for u in self.units_under_test) or 'no unit'}, "
+            f"{len(self.parameters)} parameters)"
+        )
+
+    def settings(self) -> dict[str, Any]:
+        """Grid, machines, units, channels and longest step; see `Simulator.settings`."""
+        return {
+            "network": repr(self.network),
+            "machines": repr(self.machines),
+            "units": [[u.bus, u.model.name, u.rating, dict(u.constants)] for u in self.units_under_test],
+            "channels": {name: repr(where) for name, where in self.observed.items()},
+            "f0": self.f0,
+            "step": self.step,
+        }
+
+    def simulate(self, theta: ArrayLike, event: Event | None = None) -> Responses:
+        """Simulate every row of `theta`; see `Simulator.simulate`.
+
+        Parameters
+        ----------
+        theta : array-like of shape (n, m)
+        event : GridEvent, optional
+            `self.event` where not given. What is recorded at an instant at which the grid changes is the value just
+            after it.
+
+        Raises
+        ------
+        InputError
+            If the event is of another kind, or an instant at which the grid changes is no multiple of the step.
+        """
+        event = self.event if event is None else event
+        if not isinstance(event, GridEvent):
+            raise InputError(
+                f"a grid cannot be driven by a {type(event).__name__}",
+                allowed="BusFault, LineTrip, LoadStep, GridEvent",
+            )
+        theta = self.parameters.validate(theta)
+        every = max(1, int(np.ceil(event.dt / self.step - 1e-9)))
+        steps = every * (len(event.time) - 1)
+        flow = self._flow(event)
+        tables, segment = self._segments(event, flow, event.dt / every, steps)
+        values, feasible = self._start(theta, flow)
+        x0, constants = (
+            np.array([values[name] for name in names]).reshape(len(names), len(theta)).T
+            for names in (self._engine.model.states, self._engine.model.constants)
+        )
+        start = feasible & np.isfinite(x0).all(axis=1) & np.isfinite(constants).all(axis=1)
+        out = np.full((len(theta), len(self.channels), len(event.time)), np.nan)
+        if start.any():
+            out[start] = self._engine.integrate(
+                x0[start], constants[start], np.zeros((2 * steps + 1, 0)),
+                h=event.dt / every, every=every, tables=tables, segment=segment,
+            )  # fmt: skip
+        with np.errstate(invalid="ignore"):
+            well = (np.abs(out) < _PLAUSIBLE).all(axis=(1, 2))
+        out[~well] = np.nan
+        status = np.where(start, np.where(well, Status.OK, Status.DIVERGED), Status.NO_EQUILIBRIUM)
+        return Responses(out, status.astype(np.int64), event.time, self.channels)
+
+    def observe(self, recording: Any) -> Observation:
+        """Bring a recording onto this simulator's channels and the time axis of its event.
+
+        Its time stamps must count as those of `event` do: the disturbance at ``event.start``.
+
+        Parameters
+        ----------
+        recording : Recording or Observation
+            Its channels have the names of this simulator's, in pu of the grid's base.
+
+        Raises
+        ------
+        InputError
+            If it has none of the channels, one in another unit, or is not a recording.
+        """
+        if isinstance(recording, Observation):
+            return recording
+        if not isinstance(recording, Recording):
+            raise InputError(
+                f"a {type(recording).__name__} is not a recording", allowed="Recording, Observation"
+            )
+        where = f"recording {recording.name!r}"
+        found = [name for name in self.channels if name in recording.channels]
+        if not found:
+            raise InputError(
+                f"its channels are {', '.join(recording.channels)}",
+                where=where,
+                allowed=", ".join(self.channels),
+            )
+        for name in found:
+            if recording.channels[name].unit != "pu":
+                raise InputError(
+                    f"channel {name!r} is in {recording.channels[name].unit!r}", where=where, allowed="pu"
+                )
+        source = recording.resample(time=self.event.time)
+        values = np.full((len(self.channels), len(self.event.time)), np.nan)
+        noise = np.ones(len(self.channels))
+        for name in found:
+            r = self.channels.index(name)
+            values[r], noise[r] = source.channels[name].values, source.channels[name].noise
+        event = replace(self.event, name=recording.name)
+        return Observation(event, values, noise, self.channels, self.units, tuple(source.assumptions))
+
+    def _terminals(self) -> list[int]:
+        """Buses of all currents, in the order of the model."""
+        return [m.bus for m in self.machines] + [u.bus for u in self.units_under_test]
+
+    def _check_terminals(self) -> None:
+        where = "PowerSystemSimulator"
+        buses = self._terminals()
+        have = sorted(g.bus for g in self.network.generators)
+        if sorted(buses) != have:
+            raise InputError(
+                f"machines and units are at the buses {sorted(buses)}",
+                where=where,
+                allowed=f"one at each generator: {have}",
+            )
+        kinds = [u.model.grid.kind for u in self.units_under_test if u.model.grid]
+        names = [u.model.name for u in self.units_under_test]
+        if len(set(names)) < len(names) or any(kinds.count(k) > 1 for k in ("norton", "rotor")):
+            raise InputError(
+                f"the devices are {', '.join(names)}", where=where, allowed="each kind at most once"
+            )
+        if not self.machines:
+            raise InputError("there is no fixed machine", where=where, allowed="at least one FixedMachine")
+        if not self.observed:
+            raise InputError("there is no channel", where=where, allowed="at least one bus or branch")
+
+    def _flow(self, event: GridEvent) -> LoadFlow:
+        """Load flow before an event."""
+        network = self.network
+        if event.level != 1:
+            network = network.with_load_scaled(event.level).with_generation_scaled(event.level)
+        return solve_load_flow(network)
+
+    def _segments(
+        self, event: GridEvent, flow: LoadFlow, h: float, steps: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Tables of each state of the grid, and which holds in each step."""
+        segment = np.zeros(steps + 1, dtype=np.int64)
+        networks = [flow.network]
+        for instant, network in event.changes(flow.network):
+            first = round((instant - event.time[0]) / h)
+            if abs(first * h - (instant - event.time[0])) > 1e-6 * h:
+                raise InputError(
+                    f"the grid changes at {instant:g} s",
+                    where=event.name,
+                    allowed=f"multiples of {h:g} s after {event.time[0]:g} s",
+                    remedy="Move the instant, or choose another step",
+                )
+            segment[max(first, 0) :] = len(networks)
+            networks.append(network)
+        tables = [self._grid.table(self._reduced(flow, network)) for network in networks]
+        return np.array(tables), segment
+
+    def _reduced(self, flow: LoadFlow, network: Network) -> ReducedNetwork:
+        """One state of the grid, seen from the terminals."""
+        return reduce_network(
+            network,
+            self._terminals(),
+            load_voltages=flow.voltage,
+            observed=[w for w in self.observed.values() if not isinstance(w, tuple)],
+            flows=[w for w in self.observed.values() if isinstance(w, tuple)],
+            admittances={m.bus: m.admittance for m in self.machines},
+        )
+
+    def _start(self, theta: NDArray[np.float64], flow: LoadFlow) -> tuple[Values, NDArray[np.bool_]]:
+        """All states and constants by name, each of shape (n,), and where an equilibrium exists."""
+        one = np.ones(len(theta))
+        values: Values = {"f0": self.f0 * one}
+        feasible = one > 0
+        voltage = {g.bus: complex(flow.voltage[self.network.index(g.bus)]) for g in self.network.generators}
+        for machine in self.machines:
+            start = machine.initialise(voltage[machine.bus], flow.generation[machine.bus])
+            values |= {qualified(machine_prefix(machine.bus), k): v * one for k, v in start.items()}
+        given = dict(zip(self.parameters.names, theta.T, strict=True))
+        for unit in self.units_under_test:
+            device, size = unit.model, unit.rating / self.network.base_mva
+            assert device.grid is not None
+            power = flow.generation[unit.bus] / size
+            own = {p.name: given.get(p.name, p.nominal * one) for p in device.candidates}
+            numbers = {**unit.default_constants, **unit.constants, "size": size, "f0": self.f0}
+            numbers |= {"V": abs(voltage[unit.bus]), "angle": float(np.angle(voltage[unit.bus]))}
+            numbers |= {"P": power.real, "Q": power.imag}
+            own |= {name: value * one for name, value in numbers.items()}
+            with np.errstate(all="ignore"):  # an absurd parameter shows in what is feasible
+                states, setpoints, possible = device.initialise(own)
+            own |= {**states, **setpoints, **{state: own[at] for state, at in device.grid.states}}
+            values |= {qualified(device.name, k): v for k, v in own.items()}
+            feasible = feasible & possible
+        return values, feasible

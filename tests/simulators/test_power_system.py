@@ -1,0 +1,176 @@
+"""Whole grids: equilibrium, independence of rows, events, bad input."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from errorscreen.events import BusFault, Event, GridEvent, LineTrip, LoadStep
+from errorscreen.exceptions import InputError
+from errorscreen.power.elements import Branch, Bus, Generator, Load
+from errorscreen.power.network import Network
+from errorscreen.power.two_axis_fixed import FixedMachine
+from errorscreen.recordings import Recording
+from errorscreen.simulators import PowerSystemSimulator, Status, Unit
+from errorscreen.testing import check_simulator
+from tests.plants import random_rows
+
+TIME = np.arange(301) * 0.01
+FAULT = BusFault(TIME, "fault", 0.5, bus=3, duration=0.1, impedance=0.05j)
+MACHINES = (FixedMachine(1, H=5.0, Xd1=0.1, Xd=0.6, Xq=0.5, D=1.0),)
+UNITS = (
+    Unit(2, "synchronous_machine", 100.0),
+    Unit(4, "dfig_plant", 60.0),
+    Unit(5, "pv_plant", 50.0, {"dV_LV": 0.1}),
+)
+
+
+def network():
+    """A ring of five buses with a machine and the three plants, load in the middle."""
+    branches = [(1, 2, 0.1), (2, 3, 0.1), (3, 4, 0.15), (4, 5, 0.2), (5, 1, 0.15), (2, 4, 0.2)]
+    return Network(
+        tuple(Bus(i) for i in range(1, 6)),
+        tuple(Branch(a, b, 0.1 * x, x) for a, b, x in branches),
+        slack=1,
+        loads=(Load(3, 1.5, 0.3), Load(5, 0.4, 0.1)),
+        generators=(
+            Generator(1, v=1.0), Generator(2, 0.6, 1.0), Generator(4, 0.3, 1.0), Generator(5, 0.3, 1.0)
+        ),
+    )  # fmt: skip
+
+
+def system(event=FAULT, **options):
+    options = {"channels": {"U": 3, "P": (2, 3)}, **options}
+    return PowerSystemSimulator(network(), UNITS, MACHINES, event=event, **options)
+
+
+def test_contract():
+    check_simulator(system(), n=5)
+
+
+def test_every_parameter_vector_rests_at_its_own_equilibrium():
+    simulator = system(GridEvent(TIME))
+    y = simulator.simulate(random_rows(simulator, 20)).require_ok().values
+    assert np.abs(y - y[:1, :, :1]).max() < 1e-9
+    flow = simulator._flow(simulator.event)
+    assert y[0, 0, 0] == pytest.approx(flow.magnitude[2], abs=1e-10)
+    assert y[0, 1, 0] == pytest.approx(-flow.branch_flows[1, 1].real, abs=1e-9)
+
+
+def test_reference_path_agrees_bit_for_bit():
+    event = replace(FAULT, time=TIME[:81])
+    theta = random_rows(system(event), 3)
+    assert np.array_equal(
+        system(event).simulate(theta).values, system(event, engine="numpy").simulate(theta).values
+    )
+
+
+def test_parameters_move_nothing_before_the_event_and_something_behind_it():
+    simulator = system()
+    y = simulator.simulate(random_rows(simulator, 5)).require_ok().values
+    at = round(FAULT.start / 0.01)
+    assert np.ptp(y[:, :, :at], axis=0).max() < 1e-9
+    assert np.ptp(y[:, :, at:], axis=0).max() > 1e-2
+
+
+def test_a_fault_that_is_cleared_at_once_or_never_felt():
+    still = system().baseline(GridEvent(TIME))
+    far = system().baseline(replace(FAULT, impedance=1e9))
+    assert np.abs(far - still).max() < 1e-7
+
+
+@pytest.mark.parametrize(
+    "event",
+    [
+        FAULT,
+        LineTrip(TIME, "trip", 0.5, ends=(3, 2)),
+        LoadStep(TIME, "load", 0.5, factor=1.1, buses=(3,)),
+        replace(FAULT, level=0.9),
+        replace(FAULT, bus=2, impedance=0.2j),
+    ],
+    ids=lambda e: f"{type(e).__name__} {e.level}",
+)
+def test_default_step_is_fine_enough(event):
+    theta = random_rows(system(), 8)
+    coarse, fine = (system(step=step).simulate(theta, event).require_ok().values for step in (0.0025, 0.0005))
+    assert np.ptp(fine, axis=2).max() > 0.02  # the event is felt
+    assert np.abs(coarse - fine).max() < 5e-3 * np.ptp(fine, axis=2).max()
+
+
+def test_a_tripped_line_carries_nothing():
+    y = system().baseline(LineTrip(TIME, "trip", 0.5, ends=(2, 3)))
+    assert y[1, 0] > 0.1
+    assert np.all(y[1, 50:] == 0)
+
+
+def test_infeasible_rows_are_data():
+    simulator = system()
+    theta = np.tile(simulator.parameters.nominal, (3, 1))
+    theta[1, simulator.parameters.index("Imax")] = 0.1
+    responses = simulator.simulate(theta)
+    assert list(responses.status) == [Status.OK, Status.NO_EQUILIBRIUM, Status.OK]
+
+
+def test_recordings_come_onto_the_channels():
+    simulator = system()
+    y = simulator.baseline()
+    fine = np.arange(601) * 0.005
+    recording = Recording.from_arrays(
+        fine, {"P": np.interp(fine, TIME, y[1])}, base_mva=100.0, f_nominal=60.0, event_time=0.5,
+        noise={"P": 1e-3},
+    )  # fmt: skip
+    observation = simulator.observe(recording)
+    assert observation.channels == ("U", "P")
+    assert np.isnan(observation.values[0]).all()
+    assert observation.noise[1] == 1e-3
+    assert np.median(np.abs(observation.values[1] - y[1])) < 1e-6
+    assert simulator.observe(observation) is observation
+
+
+def test_settings_tell_what_responses_depend_on():
+    assert system().settings() == system().settings()
+    assert system(step=0.001).settings() != system().settings()
+
+
+def test_effects_are_refused_plainly():
+    with pytest.raises(InputError, match="PowerSystemSimulator has no ports"):
+        system().extend("exciter")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"units": UNITS[:2]}, r"at the buses \[1, 2, 4\]. Allowed: one at each generator: \[1, 2, 4, 5\]"),
+        ({"units": (*UNITS[:2], Unit(5, "dfig_plant", 50.0))}, "each kind at most once"),
+        ({"channels": {}}, "there is no channel"),
+        ({"channels": {"U": 7}}, "unknown bus '7'"),
+        ({"channels": {"P": (1, 3)}}, "no branch connects the buses 1 and 3"),
+        ({"step": 0.0}, "the step is 0.0"),
+        ({"engine": "gpu"}, "unknown engine 'gpu'"),
+    ],
+)
+def test_bad_input(change, message):
+    options = {"units": UNITS, "machines": MACHINES, "channels": {"U": 3}, "event": FAULT, **change}
+    with pytest.raises(InputError, match=message):
+        PowerSystemSimulator(network(), **options)
+
+
+def test_bad_units_machines_and_events():
+    with pytest.raises(InputError, match=r"unknown device 'pv_plnt' \(did you mean"):
+        Unit(2, "pv_plnt", 100.0)
+    with pytest.raises(InputError, match="unknown constant 'f0'"):
+        Unit(2, "pv_plant", 100.0, {"f0": 50.0})
+    with pytest.raises(InputError, match="the rating is -1"):
+        Unit(2, "pv_plant", -1)
+    with pytest.raises(InputError, match="machine at bus 1: H is 0"):
+        FixedMachine(1, H=0, Xd1=0.1)
+    with pytest.raises(InputError, match="the duration is 0"):
+        replace(FAULT, duration=0)
+    with pytest.raises(InputError, match="the load level is -1"):
+        GridEvent(TIME, level=-1)
+    with pytest.raises(InputError, match=r"a grid cannot be driven by a Event"):
+        system().baseline(Event(TIME))
+    with pytest.raises(InputError, match=r"changes at 0.501 s. Allowed: multiples of 0.0025 s"):
+        system().baseline(replace(FAULT, start=0.501))
+    with pytest.raises(InputError, match="unknown bus '9'"):
+        system().baseline(replace(FAULT, bus=9))
