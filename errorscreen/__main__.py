@@ -1,7 +1,5 @@
 """``python -m errorscreen``."""
 
-import sys
+from errorscreen.cli import script
 
-from errorscreen.cli import main
-
-sys.exit(main())
+script()

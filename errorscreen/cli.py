@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import io
+import os
 import shutil
 import sys
 import tempfile
@@ -59,6 +60,20 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"\nerrorscreen: interrupted. {options.interrupted}", file=sys.stderr)
         return INTERRUPTED
     return 0
+
+
+def script() -> None:
+    """Entry point of the ``errorscreen`` command: `main`, then the end of the process.
+
+    After Ctrl-C the process ends at once. Otherwise Python would kill it by the signal instead of returning 130 if the
+    interrupt fell into code that a library had generated while it was being imported.
+    """
+    code = main()
+    if code == INTERRUPTED:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    sys.exit(code)
 
 
 def _parser() -> argparse.ArgumentParser:

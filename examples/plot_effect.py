@@ -48,7 +48,8 @@ for k, observation in enumerate(measured):
     values = extended.simulate(truth, observation.event).values[0]
     noise = observation.noise[:, None] * rng.standard_normal(values.shape)
     measured[k] = replace(observation, values=values + noise)
-print(f"noise alone explains χ²/N up to {noise_limit(measured):.3f}")
+before = [plant.baseline(observation.event) for observation in measured]
+print(f"noise alone explains χ²/N up to {noise_limit(measured, before):.3f}")
 fits = {}
 for label, model in {"without exciter": plant, "with exciter": extended}.items():
     fits[label] = MAPCalibrator(model, random_state=0).fit(measured)

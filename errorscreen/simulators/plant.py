@@ -18,6 +18,7 @@ from errorscreen.exceptions import InputError, unknown_name
 from errorscreen.parameters import ParameterSpace
 from errorscreen.power import DEVICES, Device
 from errorscreen.recordings import Observation, Recording
+from errorscreen.resampling import check_steps
 from errorscreen.signals import correlation_time, scatter
 from errorscreen.simulators.assembly import assemble
 from errorscreen.simulators.base import Responses, Simulator, Status
@@ -205,6 +206,7 @@ class PlantSimulator(Simulator):
     ) -> Responses:
         """Simulate with a given interpolation of the voltage and longest step."""
         theta = self.parameters.validate(theta)
+        check_steps(event.time[-1] - event.time[0], step or self.step, "PlantSimulator, step")
         every = max(1, int(np.ceil(event.dt / (step or self.step) - 1e-9)))
         h = event.dt / every
         values = self._values(theta, event)

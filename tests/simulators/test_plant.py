@@ -30,6 +30,11 @@ def test_the_step_must_be_positive(step):
         plant("pv_plant", step=step)
 
 
+def test_a_step_must_not_ask_for_more_memory_than_there_is():
+    with pytest.raises(InputError, match=r"step: .* s in steps of 1e-09 s are .* steps. Allowed: at most"):
+        plant("pv_plant", step=1e-9).baseline()
+
+
 def test_the_event_must_be_a_playback_with_the_signals_it_needs():
     simulator = plant("synchronous_machine")
     with pytest.raises(InputError, match="cannot be driven by a Event"):
