@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from errorscreen.bench import dip_event
-from errorscreen.cases import case_reference
+from errorscreen.cases import case_reference, ieee39_events, load_ieee39
 from errorscreen.cli import main
 from errorscreen.effects import LIBRARY
 from errorscreen.io.units import UNITS
@@ -21,6 +21,7 @@ from errorscreen.simulators.base import REMEDIES, Status
 DOCS = Path(__file__).parents[1]
 #: step in ms that others are compared with, and those that are compared
 FINE, STEPS = 0.25, (10.0, 5.0, 2.5, 1.0)
+CASE_STEPS = (0.5, 5.0, 2.5, 1.0)
 PARAMETER_HEADER = ("name", "symbol", "unit", "typical", "bounds", "meaning")
 
 
@@ -37,6 +38,8 @@ def write_all(folder):
         "status.md": status_table(),
         "result.md": result_table(),
         "speed.md": speed_table(),
+        "ieee39_effects.md": case_effects(),
+        "ieee39_steps.md": case_step_errors(),
     }
     for name, text in texts.items():
         path = folder / name
@@ -116,6 +119,37 @@ def step_errors():
             cells = (f"{np.abs(e).max():.1e} ({s:.1e})" for e, s in zip(errors, rms, strict=True))
             rows.append((f"`{device.name}`", channel, *cells))
     return table(("device", "channel", *(f"{step:g} ms" for step in STEPS)), rows)
+
+
+def case_effects():
+    """Rms change of each channel of the 39-bus case for each parameter at 1.1 times nominal."""
+    system = load_ieee39()
+    nominal = system.parameters.nominal
+    values = system.simulate(np.vstack([nominal, nominal + np.diag(0.1 * nominal)])).require_ok().values
+    rms = np.sqrt(np.mean((values[1:] - values[0]) ** 2, axis=-1))
+    rows = [
+        (f"`{p.device}`", f"`{p.name}`", *(f"{1e3 * value:.3f}" for value in line))
+        for p, line in zip(system.parameters, rms, strict=True)
+    ]
+    return table(("device", "parameter", *(f"{name} moves by" for name in system.channels)), rows)
+
+
+def case_step_errors():
+    """Largest and largest rms error of U and P by event, over the nominal parameters and 31 draws."""
+    systems = [load_ieee39(step=step / 1e3) for step in CASE_STEPS]
+    space = systems[0].parameters
+    theta = latin_hypercube(space, 32, 0)
+    theta[0] = space.nominal
+    rows = []
+    for name, event in ieee39_events().items():
+        exact, *others = (system.simulate(theta, event).require_ok(name).values for system in systems)
+        for r, channel in enumerate(systems[0].channels):
+            errors = [y[:, r] - exact[:, r] for y in others]
+            rms = [np.sqrt(np.mean(e**2, axis=-1)).max() for e in errors]
+            cells = (f"{np.abs(e).max():.1e} ({s:.1e})" for e, s in zip(errors, rms, strict=True))
+            rows.append((name, channel, f"{np.ptp(exact[:, r], axis=-1).max():.2g}", *cells))
+    header = (f"{step:g} ms" for step in CASE_STEPS[1:])
+    return table(("event", "channel", "range", *header), rows)
 
 
 def effect_table():
