@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from errorscreen.exceptions import InputError
-from errorscreen.recordings import Observation
+from errorscreen.observations import Observation
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -13,8 +13,8 @@ import numpy as np
 from sklearn.base import clone
 
 from errorscreen.exceptions import InputError
+from errorscreen.observations import Observation
 from errorscreen.parameters import ParameterSpace
-from errorscreen.recordings import Observation
 from errorscreen.simulators.base import Simulator
 
 

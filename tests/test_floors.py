@@ -11,7 +11,16 @@ import errorscreen
 
 ROOT = Path(errorscreen.__file__).parent
 FLOORS = [
-    {"exceptions", "parameters", "recordings", "events", "signals", "resampling", "preparation"},
+    {
+        "exceptions",
+        "parameters",
+        "recordings",
+        "observations",
+        "events",
+        "signals",
+        "resampling",
+        "preparation",
+    },
     {"engine", "io", "metrics", "persistence"},
     {"effects", "power"},
     {"simulators", "sampling"},

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from errorscreen import plotting
 from errorscreen.events import Event
 from errorscreen.exceptions import InputError
-from errorscreen.recordings import Observation
+from errorscreen.observations import Observation
 
 TIME = np.linspace(0, 4, 81)
 NAMES = ["Xd", "Tj", "D"]

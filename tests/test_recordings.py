@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from errorscreen.events import Event
 from errorscreen.exceptions import DataWarning, InputError
-from errorscreen.recordings import Channel, Observation, Recording
+from errorscreen.observations import Observation
+from errorscreen.recordings import Channel, Recording
 
 TIME = np.arange(300) / 60
 

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from errorscreen.events import Event
 from errorscreen.exceptions import InputError
+from errorscreen.observations import Observation
 from errorscreen.parameters import Parameter, ParameterSpace
-from errorscreen.recordings import Observation
 from errorscreen.simulators.base import Responses, Simulator, Status
 
 TIME = np.linspace(0.0, 4.0, 161)

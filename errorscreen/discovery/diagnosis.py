@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from errorscreen.events import Playback
 from errorscreen.metrics import quiet_level, response_error, rms
-from errorscreen.recordings import Observation
+from errorscreen.observations import Observation
 from errorscreen.signals import correlation_time
 
 #: seconds after the fault until which a stage lasts; the end of the fault is read off the voltage

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from errorscreen.events import Event
 from errorscreen.exceptions import InputError, SimulationError
+from errorscreen.observations import Observation
 from errorscreen.parameters import ParameterSpace
-from errorscreen.recordings import Observation
 
 
 class Status(IntEnum):

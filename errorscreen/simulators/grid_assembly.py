@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen.engine.stages import Call, Equations, Model, reads_of, writes_of
+from errorscreen.exceptions import InputError
 from errorscreen.power import elimination, two_axis_fixed
-from errorscreen.power.device import Device
+from errorscreen.power.device import Device, GridInterface
 from errorscreen.power.reduction import ReducedNetwork
 
 #: quantities of the whole grid, which have no prefix
@@ -36,10 +37,16 @@ def machine_prefix(bus: int) -> str:
     return f"machine_{bus}"
 
 
+def interface(device: Device) -> GridInterface:
+    """Connection of a device to a grid; one without it raises `InputError`."""
+    if device.grid is None:
+        raise InputError(f"the device {device.name!r} cannot be connected to a grid")
+    return device.grid
+
+
 def constant_names(device: Device) -> tuple[str, ...]:
     """Candidates, constants and set-points of a device in a grid, without prefix."""
-    assert device.grid is not None
-    constants = (*device.constants, *device.grid.constants)
+    constants = (*device.constants, *interface(device).constants)
     return (*device.candidates.names, *(c.name for c in constants), *device.setpoints, "size")
 
 
@@ -64,8 +71,9 @@ class GridModel:
     ) -> None:
         self.machines, self.devices, self.channels = tuple(machines), tuple(devices), channels
         self._calls: list[Call] = []
-        self._order = [*map(machine_prefix, self.machines), *(d.name for d in self.devices)]
-        by_kind = {d.grid.kind: d.name for d in self.devices if d.grid}
+        self._machines = [machine_prefix(bus) for bus in self.machines]
+        self._order = [*self._machines, *(d.name for d in self.devices)]
+        by_kind = {interface(d).kind: d.name for d in self.devices}
         self._norton, self._rotor = by_kind.get("norton"), by_kind.get("rotor")
 
     def model(self) -> Model:
@@ -76,11 +84,10 @@ class GridModel:
         self._units()
         self._observe()
         machine_constants = ("Xd", "Xd1", "Xq", "Td10", "Tq10", "Tj", "D", "Efd", "Pm")
-        states = [qualified(p, s) for p in self._order[: len(self.machines)] for s in two_axis_fixed.STATES]
-        constants = [qualified(p, c) for p in self._order[: len(self.machines)] for c in machine_constants]
+        states = [qualified(p, s) for p in self._machines for s in two_axis_fixed.STATES]
+        constants = [qualified(p, c) for p in self._machines for c in machine_constants]
         for d in self.devices:
-            assert d.grid is not None
-            states += [qualified(d.name, s) for s in (*d.states, *(s for s, _ in d.grid.states))]
+            states += [qualified(d.name, s) for s in (*d.states, *(s for s, _ in interface(d).states))]
             constants += [qualified(d.name, c) for c in constant_names(d)]
         return Model(
             name="grid",
@@ -136,13 +143,12 @@ class GridModel:
 
     def _sources(self) -> None:
         """What states determine before the grid is solved; J of machines and of current-controlled converters."""
-        for prefix in self._order[: len(self.machines)]:
+        for prefix in self._machines:
             self._stage(prefix, two_axis_fixed.internal_source)
         for d in self.devices:
-            assert d.grid is not None
-            for function in d.grid.source:
+            for function in interface(d).source:
                 self._stage(d.name, function)
-            if d.grid.kind == "current":
+            if interface(d).kind == "current":
                 self._add(elimination.injected, _of(d.name, "Cr", "Ci", "size"), _of(d.name, "Ir", "Ii"))
 
     def _solve(self) -> None:
@@ -175,11 +181,10 @@ class GridModel:
 
     def _units(self) -> None:
         """Derivatives of all states."""
-        for prefix in self._order[: len(self.machines)]:
+        for prefix in self._machines:
             self._stage(prefix, two_axis_fixed.rotor)
         for d in self.devices:
-            assert d.grid is not None
-            for function in (*d.grid.terminal, *d.stages[1:]):
+            for function in (*interface(d).terminal, *d.stages[1:]):
                 self._stage(d.name, function)
 
     def _observe(self) -> None:
@@ -201,7 +206,7 @@ class GridModel:
 
     def _known(self) -> list[tuple[str, ...]]:
         """Column and names of the currents that states determine."""
-        known = [(p, *_of(p, "Jr", "Ji")) for p in self._order[: len(self.machines)]]
+        known = [(p, *_of(p, "Jr", "Ji")) for p in self._machines]
         others = [d.name for d in self.devices if d.name not in (self._norton, self._rotor)]
         return [*known, *((p, *_of(p, "Ir", "Ii")) for p in others)]
 

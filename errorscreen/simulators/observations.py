@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from errorscreen.exceptions import InputError
+from errorscreen.observations import Observation
 from errorscreen.parameters import ParameterSpace
-from errorscreen.recordings import Observation
 from errorscreen.simulators.base import Simulator
 
 

@@ -15,9 +15,10 @@ from errorscreen.effects import LIBRARY, Effect
 from errorscreen.engine import Engine, ReferenceEngine
 from errorscreen.events import Event, Playback
 from errorscreen.exceptions import InputError, unknown_name
+from errorscreen.observations import Observation
 from errorscreen.parameters import ParameterSpace
 from errorscreen.power import DEVICES, Device
-from errorscreen.recordings import Observation, Recording
+from errorscreen.recordings import Recording
 from errorscreen.resampling import check_steps
 from errorscreen.signals import correlation_time, scatter
 from errorscreen.simulators.assembly import assemble

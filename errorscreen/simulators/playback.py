@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from errorscreen import resampling
 from errorscreen.events import Playback
 from errorscreen.exceptions import DataWarning, InputError
-from errorscreen.recordings import Observation, Recording
+from errorscreen.observations import Observation
+from errorscreen.recordings import Recording
 
 #: In pu. A plant that gives less rests, or its P is on a base that is a hundred times too large.
 LEAST_P = 0.01

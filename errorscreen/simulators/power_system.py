@@ -12,12 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 from errorscreen.engine import Engine, ReferenceEngine
 from errorscreen.events import Event, GridEvent
 from errorscreen.exceptions import InputError, check_real, unknown_name
+from errorscreen.observations import Observation
 from errorscreen.parameters import ParameterSpace
 from errorscreen.power import FixedMachine
 from errorscreen.power.load_flow import LoadFlow, solve_load_flow
 from errorscreen.power.network import Network
 from errorscreen.power.reduction import ReducedNetwork, reduce_network
-from errorscreen.recordings import Observation, Recording
+from errorscreen.recordings import Recording
 from errorscreen.simulators.base import Responses, Simulator, Status
 from errorscreen.simulators.grid_assembly import GridModel, machine_prefix, qualified
 from errorscreen.simulators.grid_unit import Unit

@@ -9,7 +9,7 @@ from typing import Any
 from errorscreen.calibration import MAPCalibrator, PSOCalibrator
 from errorscreen.cases.case_models import CalibrationSection, RunSection
 from errorscreen.discovery import judge
-from errorscreen.recordings import Observation
+from errorscreen.observations import Observation
 from errorscreen.simulators.base import Simulator
 
 

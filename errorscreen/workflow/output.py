@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 import errorscreen
 from errorscreen.features import CWTTransformer
 from errorscreen.metrics import top_k_overlap
+from errorscreen.observations import Observation
 from errorscreen.plotting import plot_error_images, plot_intervals, plot_rankings, plot_responses
-from errorscreen.recordings import Observation
 from errorscreen.report import ReportFigure, Result, write_report, write_result
 from errorscreen.report.result_schema import (
     Calibration,

@@ -14,7 +14,7 @@ from errorscreen.cases.case_models import RunSection, ScreeningSection
 from errorscreen.features import ResponseErrorTransformer
 from errorscreen.generation import generate_dataset
 from errorscreen.metrics import ranking
-from errorscreen.recordings import Observation
+from errorscreen.observations import Observation
 from errorscreen.regressors import import_network
 from errorscreen.screening import (
     ContributionScreener,

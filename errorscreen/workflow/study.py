@@ -20,7 +20,8 @@ from errorscreen.discovery import ChannelFit, StageError, Verdict, channel_fits,
 from errorscreen.events import Playback
 from errorscreen.exceptions import InputError, SimulationError
 from errorscreen.generation import local_sensitivity
-from errorscreen.recordings import Observation, Recording
+from errorscreen.observations import Observation
+from errorscreen.recordings import Recording
 from errorscreen.resampling import check_steps
 from errorscreen.simulators import PlantSimulator
 from errorscreen.simulators.base import REMEDIES, Simulator, Status

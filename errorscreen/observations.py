@@ -1,0 +1,99 @@
+"""A recording as one simulator sees it, with all that is uncertain about it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from errorscreen.events import Event
+
+
+@dataclass(frozen=True)
+class Observation:
+    """A recording as one simulator sees it: its channels, on its time grid.
+
+    Parameters
+    ----------
+    event : Event
+        What the simulator has to be driven with to reproduce it; ``event.time`` is the time axis (L,).
+    values : ndarray of shape (R, L)
+        Measured channels; NaN where nothing was measured.
+    noise : ndarray of shape (R,)
+        Standard deviation of the measurement noise of each channel, in the channel's unit; positive.
+    channels : tuple of str
+    units : tuple of str
+    assumptions : tuple of str
+        Sentences on what was assumed about the data, for the report.
+    extra : ndarray of shape (R, L), optional
+        Standard deviation of what the simulator cannot know at single samples, for example because an injected
+        signal is not known between its samples; 0 where not given.
+    level_std : ndarray of shape (R,), optional
+        Standard error of the level before the event that the simulation starts from; 0 where not given.
+    """
+
+    event: Event
+    values: NDArray[np.float64]
+    noise: NDArray[np.float64]
+    channels: tuple[str, ...]
+    units: tuple[str, ...]
+    assumptions: tuple[str, ...] = ()
+    extra: NDArray[np.float64] | None = None
+    level_std: NDArray[np.float64] | None = None
+
+    @property
+    def sigma(self) -> NDArray[np.float64]:
+        """Standard deviation of each sample, shape (R, L)."""
+        extra = np.zeros(self.values.shape) if self.extra is None else self.extra
+        return np.hypot(np.asarray(self.noise, dtype=float)[:, None], extra)
+
+    def deviations(self, responses: ArrayLike) -> NDArray[np.float64]:
+        r"""Simulated minus measured in multiples of what is uncertain.
+
+        A simulation starts from the mean of the quiet part, which is known to `level_std`, so all samples after the
+        start of the event share an unknown offset. The errors e are multiplied by the inverse square root of their
+        covariance :math:`\Sigma = \mathrm{diag}(\sigma^2) + s^2 \mathbf 1 \mathbf 1^T`, which has the closed form
+
+        .. math:: z = \frac{e}{\sigma} - \alpha\,\frac{u^T (e / \sigma)}{u^T u}\, u, \quad u = \frac1\sigma,
+           \quad \alpha = 1 - (1 + s^2 u^T u)^{-1/2}
+
+        so that the sum of squares of z is χ² and about the number of measured values for a right simulation.
+
+        Parameters
+        ----------
+        responses : array-like of shape (..., R, L)
+
+        Returns
+        -------
+        ndarray of shape (..., R, L)
+            NaN where nothing was measured.
+
+        Examples
+        --------
+        >>> event = Event(np.arange(4.0), start=2.0)
+        >>> values, noise, level = np.zeros((1, 4)), np.ones(1), np.array([1.0])
+        >>> seen = Observation(event, values, noise, ("P",), ("pu",), level_std=level)
+        >>> seen.deviations([[0.0, 0.0, 1.0, 1.0]]).round(3)
+        array([[0.   , 0.   , 0.577, 0.577]])
+        """
+        z = (np.asarray(responses, dtype=float) - self.values) / self.sigma
+        if self.level_std is None:
+            return z
+        after = self.mask & (self.time >= self.event.start - 1e-9)
+        u = np.where(after, 1.0 / self.sigma, 0.0)
+        norm = np.maximum((u**2).sum(axis=-1), np.finfo(float).tiny)
+        alpha = 1.0 - 1.0 / np.sqrt(1.0 + np.asarray(self.level_std) ** 2 * norm)
+        # a failed simulation stays NaN, a gap must not spread
+        along = (u * np.where(self.mask, z, 0.0)).sum(axis=-1) / norm
+        return z - (alpha * along)[..., None] * u
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """Time axis in seconds, shape (L,)."""
+        return self.event.time
+
+    @property
+    def mask(self) -> NDArray[np.bool_]:
+        """True where a value was measured, shape (R, L)."""
+        return np.isfinite(self.values)
