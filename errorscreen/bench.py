@@ -193,6 +193,13 @@ def table(result: dict[str, Any]) -> str:
     ]
     if "cnn_epoch_seconds" in result:
         lines.append(f"One epoch of the network on 2500 × 2 × 64 × 256: {result['cnn_epoch_seconds']:.1f} s.")
+    machine = result["machine"]
+    versions = ", ".join(f"{name} {number}" for name, number in machine["versions"].items())
+    lines += [
+        "",
+        f"Playback of 5 s at 2.5 ms. {machine['cores']} cores ({machine['processor']}), Python "
+        f"{machine['python']}, {versions}.",
+    ]
     return "\n".join(lines) + "\n"
 
 
