@@ -90,18 +90,6 @@ def smooth_step(x: Any) -> Any:
 
 
 @register_jitable
-def dead_band(x: Any, width: Any) -> Any:
-    """Zero inside [-width, width], shifted to be continuous outside.
-
-    Examples
-    --------
-    >>> [round(float(dead_band(x, 0.25)), 3) for x in (-1.0, 0.2, 1.0)]
-    [-0.75, 0.0, 0.75]
-    """
-    return x - clip(x, -width, width)
-
-
-@register_jitable
 def sincos(x: Any) -> Any:
     """Sine and cosine of `x` (rad), to 2e-16 for ``abs(x) < 1e5``.
 

@@ -6,7 +6,6 @@ from hypothesis import strategies as st
 from errorscreen.engine.vmath import (
     back_calculate,
     clip,
-    dead_band,
     hold_at_limits,
     select,
     sincos,
@@ -32,27 +31,18 @@ def test_compiled_functions_agree_with_numpy_bit_for_bit():
             out[2, i] = clip(x[i], -1.0, 1.0)
             out[3, i] = hold_at_limits(x[i], s, -1.0, 1.0)
             out[4, i] = smooth_step(x[i])
-            out[5, i] = dead_band(x[i], 0.3)
-            out[6, i] = select(x[i] > 0.0, s, c)
-            out[7, i] = back_calculate(x[i], s, -1.0, 1.0, 0.1)
+            out[5, i] = select(x[i] > 0.0, s, c)
+            out[6, i] = back_calculate(x[i], s, -1.0, 1.0, 0.1)
 
     x = np.random.default_rng(1).uniform(-20, 20, 1000)
-    out = np.empty((8, x.size))
+    out = np.empty((7, x.size))
     compiled(x, out)
     s, c = sincos(x)
     expected = [
-        s, c, clip(x, -1.0, 1.0), hold_at_limits(x, s, -1.0, 1.0), smooth_step(x), dead_band(x, 0.3),
+        s, c, clip(x, -1.0, 1.0), hold_at_limits(x, s, -1.0, 1.0), smooth_step(x),
         select(x > 0, s, c), back_calculate(x, s, -1.0, 1.0, 0.1),
     ]  # fmt: skip
     assert np.array_equal(out, np.array(expected))
-
-
-@given(finite, st.floats(0, 1e4))
-def test_dead_band_is_odd_and_shrinks_by_its_width(x, width):
-    assert dead_band(-x, width) == -dead_band(x, width)
-    assert abs(dead_band(x, width)) == max(abs(x) - width, 0) or np.isclose(
-        abs(dead_band(x, width)), max(abs(x) - width, 0), rtol=1e-9, atol=1e-9
-    )
 
 
 def test_smooth_step_has_no_slope_at_its_ends():
