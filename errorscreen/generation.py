@@ -119,6 +119,13 @@ def local_sensitivity(
     return Sensitivity(sensitivity, responses, status)
 
 
+def batch_rows(simulator: Simulator, event: Event, batch_size: int = 1024) -> int:
+    """Return how many samples `local_sensitivity` should take at a time: about `batch_size` simulations, or 128 MB."""
+    response_bytes = len(simulator.channels) * len(event.time) * np.dtype(float).itemsize
+    simulations = min(batch_size, _BATCH_BYTES // (_COPIES * response_bytes))
+    return max(1, simulations // (len(simulator.parameters) + 1))
+
+
 def generate_dataset(
     simulator: Simulator,
     n_samples: int,
@@ -186,8 +193,7 @@ def generate_dataset(
     theta = latin_hypercube(simulator.parameters, n_samples, random_state)
 
     # fixed by the arguments alone, so that n_jobs changes nothing
-    batch_size = min(batch_size, _BATCH_BYTES // (_COPIES * baseline.nbytes))
-    rows = max(1, batch_size // (len(simulator.parameters) + 1))
+    rows = batch_rows(simulator, event, batch_size)
     batches = [theta[start : start + rows] for start in range(0, len(theta), rows)]
     options = {"relative": bool(relative), "step": step, "weights": lambdas.tolist()}
     store = None

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
+from scipy.stats import chi2, norm
 from sklearn.utils.validation import check_is_fitted
 from tqdm import tqdm
 
@@ -20,7 +20,8 @@ from errorscreen.calibration.intervals import (
     posterior_covariance,
 )
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.calibration.search import BoundedSearch
+from errorscreen.calibration.search import BoundedSearch, Track
+from errorscreen.calibration.truncated import sample_truncated_normal
 from errorscreen.exceptions import check_integer, check_real
 from errorscreen.sampling import latin_hypercube
 from errorscreen.simulators.base import Simulator
@@ -30,6 +31,21 @@ if TYPE_CHECKING:
 
 #: states of a start that ended at a minimum, see `BoundedSearch`
 _ENDED = ("converged", "kink")
+#: starts that are followed together
+_AT_ONCE = 2
+#: probability that noise alone exceeds what a pair of equal minima may leave
+_CHANCE = 0.01
+
+
+def _explained(pair: list[Track], n_values: int) -> bool:
+    """Whether what the minima of these starts leave is noise, see `MAPCalibrator`."""
+    ended = [track for track in pair if track.state in _ENDED]
+    left = [float(np.sum(track.residuals**2)) for track in ended]
+    if not left:
+        return False
+    alike = len(ended) == _AT_ONCE and np.ptp([track.cost for track in ended]) < 1.0
+    limit = max(chi2.isf(_CHANCE, n_values), n_values) if alike else n_values
+    return min(left) <= limit
 
 
 class MAPCalibrator(BaseCalibrator):
@@ -54,10 +70,14 @@ class MAPCalibrator(BaseCalibrator):
         Standard deviation of the prior in multiples of each parameter's scale (its nominal value). The bounds
         hold whatever it is.
     n_starts : int, default 8
-        Number of starts; the first is the nominal one. With 1 there is no library.
+        Largest number of starts; the first is the nominal one. With 1 there is no library. They are followed two
+        at a time, and the others are left out once a pair has ended where noise explains what is left: χ² is not
+        above the number of measured values, or both ended alike and χ² is not above what noise exceeds in 1 % of
+        cases. No other minimum could then be better by more than chance.
     library_size : int, default 2048
         Number of simulations, for each recording, from which the other starts are taken.
     max_iterations : int, default 50
+        For each pair of starts.
     tol : float, default 1e-3
         A start has converged where no step inside the bounds promises to lower the objective by more than
         ``tol * max(1, χ²/N)``.
@@ -157,21 +177,48 @@ class MAPCalibrator(BaseCalibrator):
         max_iterations = check_integer(self.max_iterations, "max_iterations")
         check_real(self.level, "level", low=0.0, high=1.0, above=True)
         search = self._search(problem)
-        search.begin(self._starts(problem))
-        if not search.tracks:
-            raise problem.no_success()
+        starts = self._starts(problem)
         history: list[tuple[float, int, int]] = []
         try:
-            for _ in tqdm(range(max_iterations), desc="least squares", disable=not self.progress):
-                more = search.iterate()
-                active = sum(track.state == "active" for track in search.tracks)
-                history.append((float(np.mean(search.best.residuals**2)), problem.n_simulations, active))
-                if not more:
-                    break
+            for first in range(0, len(starts), _AT_ONCE):
+                search.begin(starts[first : first + _AT_ONCE])
+                if search.tracks:
+                    self._follow(problem, search, max_iterations, history)
+                    if _explained(search.tracks[-_AT_ONCE:], problem.n_values):
+                        break
+            if not search.tracks:
+                raise problem.no_success()
             self._describe(problem, search)
         finally:
-            self._finish(problem, search, history)
+            if search.tracks:
+                self._finish(problem, search, history)
         return self
+
+    def sample_posterior(self, n: int, random_state: Any = None) -> NDArray[np.float64]:
+        """Draw parameter vectors that agree with the recordings about as well as the calibrated one.
+
+        From the normal distribution of the linear model at the calibrated values, cut off at the bounds, see
+        `sample_truncated_normal`: unlike intervals it shows which parameters can move only together.
+
+        Parameters
+        ----------
+        n : int
+        random_state : None, int, SeedSequence, Generator or RandomState
+
+        Returns
+        -------
+        ndarray of shape (n, m)
+            All parameters; those that were not calibrated are nominal.
+
+        """
+        check_is_fitted(self, "intervals_")
+        space = self.simulator.parameters.subset(self.names_)
+        lower, upper = ((space.bounds - space.nominal[:, None]) / space.scales[:, None]).T
+        values = (np.array(list(self.values_.values())) - space.nominal) / space.scales
+        u = sample_truncated_normal(
+            self._mean, self._precision, lower, upper, n, start=values, random_state=random_state
+        )
+        return self.simulator.parameters.embed(space.nominal + u * space.scales, self.names_)
 
     def to_frame(self) -> pd.DataFrame:
         """Table of the calibrated parameters, one row each, indexed by name."""
@@ -193,6 +240,21 @@ class MAPCalibrator(BaseCalibrator):
             },
             index=pd.Index(self.names_, name="name"),
         )
+
+    def _follow(
+        self,
+        problem: FitProblem,
+        search: BoundedSearch,
+        iterations: int,
+        history: list[tuple[float, int, int]],
+    ) -> None:
+        """Iterate until all starts so far have ended, or as often as allowed."""
+        for _ in tqdm(range(iterations), desc="least squares", disable=not self.progress):
+            more = search.iterate()
+            active = sum(track.state == "active" for track in search.tracks)
+            history.append((float(np.mean(search.best.residuals**2)), problem.n_simulations, active))
+            if not more:
+                return
 
     def _search(self, problem: FitProblem) -> BoundedSearch:
         """Search in u, the deviation from nominal in multiples of the scale."""
@@ -250,6 +312,10 @@ class MAPCalibrator(BaseCalibrator):
         deviation = np.sqrt(np.diag(covariance))
         lower, upper = space.bounds.T
         width = (upper - lower) / space.scales
+        # of the linear model without bounds, around values that it holds for; `sample_posterior` adds the bounds
+        A = best.jacobian.T @ best.jacobian / self.inflation_ + np.eye(len(space)) / self.prior_scale**2
+        g = best.jacobian.T @ best.residuals / self.inflation_ + best.u / self.prior_scale**2
+        self._precision, self._mean = A, best.u - np.linalg.solve(A, g)
         known = np.minimum(self.prior_scale, width / np.sqrt(12))  # a uniform law has width / sqrt(12)
         self.covariance_ = covariance * np.outer(space.scales, space.scales)
         self.correlation_ = correlation(covariance)

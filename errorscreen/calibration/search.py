@@ -96,11 +96,11 @@ class BoundedSearch:
         self.tracks: list[Track] = []
 
     def begin(self, starts: ArrayLike) -> None:
-        """Evaluate the starts (s, k); those that fail are left out."""
+        """Evaluate starts (s, k) and add them to the tracks; those that fail are left out."""
         u = np.clip(np.atleast_2d(np.asarray(starts, dtype=float)), self._lower, self._upper)
         z = self._residuals(u)
         costs = self._costs(u, z)
-        self.tracks = [Track(u[i], z[i], float(costs[i])) for i in np.flatnonzero(np.isfinite(costs))]
+        self.tracks += [Track(u[i], z[i], float(costs[i])) for i in np.flatnonzero(np.isfinite(costs))]
 
     @property
     def best(self) -> Track:
