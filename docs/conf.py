@@ -7,7 +7,7 @@ from pathlib import Path
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
 
-from _tools import pages
+from _tools import figures, pages
 
 import errorscreen
 from errorscreen.engine import kernels
@@ -65,6 +65,7 @@ def escape_bars(app, what, name, obj, options, lines):
 
 
 def setup(app):
-    """Write the generated pages before Sphinx looks for sources."""
+    """Write the generated pages and figures before Sphinx looks for sources."""
     pages.write_all(HERE / "_generated")
+    figures.write_all(HERE / "_generated")
     app.connect("autodoc-process-docstring", escape_bars)

@@ -9,6 +9,7 @@ from errorscreen import plotting
 from errorscreen.events import Event
 from errorscreen.exceptions import InputError
 from errorscreen.observations import Observation
+from errorscreen.plotting.charts import DYNAMIC_RANGE
 
 TIME = np.linspace(0, 4, 81)
 NAMES = ["Xd", "Tj", "D"]
@@ -58,7 +59,7 @@ def test_error_images_share_the_scale_of_a_channel():
     )  # fmt: skip
     images = [axes.collections[0] for axes in figure.axes if axes.get_title()]
     assert [round(float(image.get_array().max()), 6) for image in images] == [0.0, -10.0, 0.0, -10.0]
-    assert all(image.get_array().min() == -plotting.DYNAMIC_RANGE for image in images)
+    assert all(image.get_array().min() == -DYNAMIC_RANGE for image in images)
     first = figure.axes[0]
     assert (first.get_title(), first.get_yscale(), first.get_ylim()) == ("P, before", "log", (0.5, 8.0))
     assert any(list(line.get_xdata()) == [1.0, 1.0] for line in first.lines)
