@@ -1,15 +1,15 @@
-"""Measure speed and renew the table of the documentation: ``python benchmarks/speed.py [OUT]``."""
+"""Measure speed and renew what the documentation shows of it: ``python benchmarks/speed.py [OUT]``."""
 
 import shutil
 import sys
 from pathlib import Path
 
-from errorscreen.bench import speed
+from errorscreen.bench import measure_speed
 
-TABLE = Path(__file__).resolve().parents[1] / "docs" / "tables" / "speed.md"
+DOCS = Path(__file__).resolve().parents[1] / "docs"
 
 if __name__ == "__main__":
     out = Path(sys.argv[1] if len(sys.argv) > 1 else "errorscreen-bench")
-    speed(out)
-    TABLE.parent.mkdir(parents=True, exist_ok=True)
-    shutil.copy(out / "table.md", TABLE)
+    measure_speed(out)
+    shutil.copy(out / "table.md", DOCS / "tables" / "speed.md")
+    shutil.copy(out / "labels.png", DOCS / "images" / "labels.png")

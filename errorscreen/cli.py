@@ -100,6 +100,7 @@ def _parser() -> argparse.ArgumentParser:
     kinds = bench.add_subparsers(required=True, metavar="KIND")
     speed = kinds.add_parser("speed", help="simulations, wavelet images and training per second")
     speed.add_argument("--no-cnn", action="store_true", help="leave out the epoch of the network")
+    speed.add_argument("--no-labels", action="store_true", help="leave out the labels of the 39-bus system")
     speed.set_defaults(
         command=_bench_speed,
         default_out="errorscreen-bench",
@@ -132,10 +133,12 @@ def _run(options: argparse.Namespace, out: str | None) -> None:
 
 
 def _bench_speed(options: argparse.Namespace, out: str) -> None:
-    from errorscreen.bench import speed
+    from errorscreen.bench import measure_speed
 
     folder = _writable(Path(out))
-    speed(folder, lambda line: print(line, flush=True), cnn=not options.no_cnn)
+    measure_speed(
+        folder, lambda line: print(line, flush=True), cnn=not options.no_cnn, labels=not options.no_labels
+    )
     print(f"Written: {folder / 'result.json'}, {folder / 'table.md'}")
 
 

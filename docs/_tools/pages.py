@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from errorscreen.bench import dip_event
+from errorscreen.bench.speed import dip_event
 from errorscreen.cases import case_reference, ieee39_events, load_ieee39
 from errorscreen.cli import main
 from errorscreen.effects import LIBRARY

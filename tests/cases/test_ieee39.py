@@ -14,7 +14,7 @@ from errorscreen.power import DEVICES, FixedMachine
 from errorscreen.simulators import PowerSystemSimulator
 from errorscreen.testing import check_simulator
 from tests.plants import random_rows
-from tests.power.andes_reference import EPSILON, andes
+from tests.power.andes_reference import EPSILON, andes, prepare
 
 SYSTEM = load_ieee39()
 EVENTS = ieee39_events()
@@ -122,6 +122,7 @@ def andes_gencls(event, D, buses, h=0.001):
     """Time and voltages that ANDES finds for the fault with GENCLS at every generator."""
     import andes
 
+    prepare()
     network = ieee39_network()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

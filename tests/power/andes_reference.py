@@ -1,8 +1,12 @@
 """ANDES as an independent second opinion on load flow and admittance matrix; tests with it are skipped without it."""
 
 import importlib.util
+import os
+import subprocess
+import sys
 import warnings
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,6 +21,28 @@ andes = pytest.mark.skipif(
     importlib.util.find_spec("andes") is None,
     reason='ANDES is not installed: pip install "errorscreen[andes]"',
 )
+
+
+@cache
+def prepare():
+    """Let ANDES write the code that it generates at its first use, one process at a time.
+
+    In a process of its own, because it generates on a pool of processes that it leaves open.
+    """
+    import fcntl
+
+    import andes
+
+    andes.config_logger(50, file=False, log_path="")  # without a path it makes a folder for its log
+    folder = Path.home() / ".andes"
+    folder.mkdir(exist_ok=True)
+    lock = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        code = "import andes; andes.System(no_output=True, default_config=True)"
+        subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
+    finally:
+        os.close(lock)
 
 
 def case(name):
@@ -54,6 +80,7 @@ def solve(network):
     import andes
     import kvxopt
 
+    prepare()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         system = andes.System(no_output=True, default_config=True)
@@ -84,9 +111,9 @@ def solve(network):
 def _load(name):
     import andes
 
+    prepare()
     with warnings.catch_warnings():  # its readers use what pandas has deprecated
         warnings.simplefilter("ignore")
-        andes.config_logger(50)
         return andes.load(andes.get_case(name), setup=True, no_output=True, default_config=True)
 
 

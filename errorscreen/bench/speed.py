@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import os
-import platform
-import subprocess
-import sys
 import tempfile
 from collections.abc import Callable
-from importlib.metadata import version
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -16,6 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from errorscreen.bench.labels import label_rows, measure_labels, plot_labels
+from errorscreen.bench.timing import best_seconds, in_new_process, machine
 from errorscreen.events import Playback
 from errorscreen.exceptions import MissingExtraError
 from errorscreen.persistence import write_json_atomic
@@ -26,12 +23,13 @@ from errorscreen.simulators import PlantSimulator
 BATCHES = (1, 64, 1024)
 THREADS = (1, 2)
 SCHEMA_VERSION = 1
-_SHORTEST = 0.3  # seconds of repetition behind every figure
 _CNN_SHAPE = (2500, 2, 64, 256)
 
 
-def speed(out: str | Path, report: Callable[[str], None] = print, *, cnn: bool = True) -> dict[str, Any]:
-    """Measure, write ``out/result.json`` and ``out/table.md``, and return the result.
+def measure_speed(
+    out: str | Path, report: Callable[[str], None] = print, *, cnn: bool = True, labels: bool = True
+) -> dict[str, Any]:
+    """Measure, write ``result.json``, ``table.md`` and ``labels.png`` into `out`, and return the result.
 
     Parameters
     ----------
@@ -41,13 +39,30 @@ def speed(out: str | Path, report: Callable[[str], None] = print, *, cnn: bool =
         Takes lines of text while it measures.
     cnn : bool
         Whether to time an epoch of the network, which needs the extra ``cnn`` and takes a minute or more.
+    labels : bool
+        Whether to time the labels of the 39-bus system, which takes some minutes; the ratio to ANDES, which is part of
+        it, needs the extra ``andes``.
 
     Returns
     -------
     dict
         ``simulations_per_second`` by case and batch size with the largest number of threads, and the same by number of
         threads in ``threads``; ``compile_seconds`` and ``cached_import_seconds`` by case; ``cwt`` with
-        ``signals_per_second`` and ``ratio_to_pywt``; ``cnn_epoch_seconds``.
+        ``signals_per_second`` and ``ratio_to_pywt``; ``cnn_epoch_seconds``. With `labels` also, all on `load_ieee39`
+        with all threads and without set-up:
+
+        - ``labels_102500_seconds``: 2500 samples of 41 simulations at a step of 5 ms, and
+          ``labels_102500_seconds_default_step`` at 2.5 ms, each in a new process; ``labels_threads``;
+          ``labels_peak_gib``: the most memory that one of the two held, None where the system is not Linux;
+        - ``labels_scaling``: list of ``{n, seconds}`` for about 1000 to 100 000 simulations at 5 ms;
+          ``labels_exponent``: the power of n that fits them;
+        - ``ratio_to_andes`` at 5 ms and ``ratio_to_andes_default_step`` at 2.5 ms: simulations a second over those of
+          ANDES at its default step, on one core;
+        - ``andes``: version, case, number of variables, seconds of one run of the New England system at its default
+          step (``default_step``, ``default_step_seconds``) and at 5 ms (``coarse_step``, ``coarse_step_seconds``),
+          and ``ratios``: list of ``{step, andes_step, ratio, per_core}``.
+
+        Where ANDES is not installed ``andes`` and both ratios are None.
     """
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
@@ -71,23 +86,15 @@ def speed(out: str | Path, report: Callable[[str], None] = print, *, cnn: bool =
     report(
         "CWT: {signals_per_second:.0f} signals/s, {ratio_to_pywt:.1f} times pywt.cwt".format(**result["cwt"])
     )
+    if labels:
+        result |= measure_labels(report)
+        plot_labels(result, out / "labels.png")
     if cnn:
         result["cnn_epoch_seconds"] = cnn_epoch_seconds()
         report(f"one epoch on {' x '.join(map(str, _CNN_SHAPE))}: {result['cnn_epoch_seconds']:.1f} s")
     write_json_atomic(out / "result.json", result)
     (out / "table.md").write_text(table(result), encoding="utf-8")
     return result
-
-
-def machine() -> dict[str, Any]:
-    """What was measured on: processor, cores, versions."""
-    libraries = ("numpy", "numba", "scipy", "PyWavelets", "scikit-learn")
-    return {
-        "processor": platform.machine(),
-        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
-        "python": platform.python_version(),
-        "versions": {name: version(name) for name in libraries},
-    }
 
 
 def dip_event(seconds: float = 5.0, rate: float = 60.0) -> Playback:
@@ -103,7 +110,7 @@ def simulations_per_second(device: str, threads: int) -> dict[str, float]:
     """Playback of 5 s at the default step of 2.5 ms, by batch size."""
     simulator = PlantSimulator(device, dip_event(), n_threads=threads)
     theta = latin_hypercube(simulator.parameters, max(BATCHES), 0)
-    return {str(n): n / _seconds(lambda n=n: simulator.simulate(theta[:n])) for n in BATCHES}  # type: ignore[misc]
+    return {str(n): n / best_seconds(lambda n=n: simulator.simulate(theta[:n])) for n in BATCHES}  # type: ignore[misc]
 
 
 def first_use_seconds(device: str) -> tuple[float, float]:
@@ -111,21 +118,18 @@ def first_use_seconds(device: str) -> tuple[float, float]:
     code = (
         "from time import perf_counter\n"
         "start = perf_counter()\n"
-        "from errorscreen.bench import dip_event\n"
+        "import numpy as np\n"
+        "from errorscreen.events import Playback\n"
         "from errorscreen.simulators import PlantSimulator\n"
-        f"simulator = PlantSimulator({device!r}, dip_event())\n"
+        "time, signals = np.arange(0, 5, 1 / 60), {'V': np.ones(300), 'angle': np.zeros(300)}\n"
+        "event = Playback(time, 'benchmark', 1.0, signals, {'V': 1.0, 'P': 0.7, 'Q': 0.15})\n"
+        f"simulator = PlantSimulator({device!r}, event)\n"
         "simulator.simulate([simulator.parameters.nominal] * 16)\n"
         "print(perf_counter() - start)\n"
     )
     with tempfile.TemporaryDirectory() as folder:
-        environment = {**os.environ, "ERRORSCREEN_CACHE_DIR": folder}
-        runs = [
-            subprocess.run(
-                [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
-            )
-            for _ in range(2)
-        ]
-    return float(runs[0].stdout), float(runs[1].stdout)
+        compiled, cached = (float(in_new_process(code, ERRORSCREEN_CACHE_DIR=folder)) for _ in range(2))
+    return compiled, cached
 
 
 def cwt_speed(n_signals: int = 256, n_samples: int = 501) -> dict[str, float]:
@@ -140,7 +144,7 @@ def cwt_speed(n_signals: int = 256, n_samples: int = 501) -> dict[str, float]:
 
     signals = np.random.default_rng(0).standard_normal((n_signals, 1, n_samples))
     transformer = CWTTransformer(sampling_period=0.01, energy="linear", n_jobs=-1).fit(signals)
-    ours = n_signals / _seconds(lambda: transformer.transform(signals))
+    ours = n_signals / best_seconds(lambda: transformer.transform(signals))
 
     def one_by_one(block: NDArray[Any], method: str) -> None:
         for signal in block:
@@ -148,7 +152,7 @@ def cwt_speed(n_signals: int = 256, n_samples: int = 501) -> dict[str, float]:
 
     few = signals[:32, 0]
     theirs = max(
-        len(few) / _seconds(lambda d=d, m=m: one_by_one(few.astype(d), m))  # type: ignore[misc]
+        len(few) / best_seconds(lambda d=d, m=m: one_by_one(few.astype(d), m))  # type: ignore[misc]
         for d in (np.float32, np.float64)
         for m in ("fft", "conv")
     )
@@ -176,7 +180,7 @@ def cnn_epoch_seconds() -> float:
 
 
 def table(result: dict[str, Any]) -> str:
-    """Markdown table of a result of `speed`."""
+    """Markdown table of a result of `measure_speed`."""
     lines = [
         "| device | threads | " + " | ".join(f"n = {n}" for n in BATCHES) + " | first use | from cache |"
     ]
@@ -193,26 +197,12 @@ def table(result: dict[str, Any]) -> str:
     ]
     if "cnn_epoch_seconds" in result:
         lines.append(f"One epoch of the network on 2500 × 2 × 64 × 256: {result['cnn_epoch_seconds']:.1f} s.")
-    machine = result["machine"]
-    versions = ", ".join(f"{name} {number}" for name, number in machine["versions"].items())
+    lines += label_rows(result)
+    system = result["machine"]
+    versions = ", ".join(f"{name} {number}" for name, number in system["versions"].items())
     lines += [
         "",
-        f"Playback of 5 s at 2.5 ms. {machine['cores']} cores ({machine['processor']}), Python "
-        f"{machine['python']}, {versions}.",
+        f"All responses are of 5 s, those of devices at 2.5 ms. {system['cores']} cores ({system['processor']}), "
+        f"Python {system['python']}, {versions}.",
     ]
     return "\n".join(lines) + "\n"
-
-
-def _seconds(call: Callable[[], Any]) -> float:
-    """Seconds of one call: the best of three rounds of repetition, after one call to warm up."""
-    call()
-    start = perf_counter()
-    call()
-    repeat = max(1, int(_SHORTEST / 3 / max(perf_counter() - start, 1e-6)))
-    rounds = []
-    for _ in range(3):
-        start = perf_counter()
-        for _ in range(repeat):
-            call()
-        rounds.append((perf_counter() - start) / repeat)
-    return min(rounds)

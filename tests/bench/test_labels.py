@@ -1,0 +1,54 @@
+"""Labels are timed, and compared with ANDES where it is installed; nothing is asserted about time."""
+
+import pytest
+
+from errorscreen.bench import labels
+from tests.power.andes_reference import andes, prepare
+
+
+@pytest.fixture
+def tiny(monkeypatch):
+    for name, value in {"SAMPLES": 3, "SIZES": (41, 160), "ANDES_RUNS": 1, "ANDES_COARSE_RUNS": 1}.items():
+        monkeypatch.setattr(labels, name, value)
+
+
+@pytest.mark.slow
+@andes
+def test_everything_at_a_tiny_size(tiny):
+    prepare()
+    lines = []
+    found = labels.measure_labels(lines.append)
+    assert [row["n"] for row in found["labels_scaling"]] == [41, 164]
+    assert found["labels_threads"] == 2
+    assert found["labels_peak_gib"] is None or 0.05 < found["labels_peak_gib"] < 2
+    reference = found["andes"]
+    assert reference["variables"] > 500
+    assert reference["default_step"] > reference["coarse_step"] == labels.COARSE
+    first, second, same_step = reference["ratios"]
+    assert (
+        found["ratio_to_andes"]
+        == first["ratio"]
+        == pytest.approx(3 * 41 * reference["default_step_seconds"] / found["labels_102500_seconds"])
+    )
+    assert found["ratio_to_andes_default_step"] == second["ratio"]
+    assert (first["step"], second["step"], same_step["step"]) == (0.005, 0.0025, 0.005)
+    assert first["per_core"] == first["ratio"] / 2
+    assert any("times its throughput" in line for line in lines)
+    table = "\n".join(labels.label_rows(found))
+    assert "| 123 simulations at 2.5 ms |" in table
+    assert f"({first['per_core']:.0f} per core)" in table
+
+
+def test_without_andes_the_ratio_is_null_and_the_extra_is_named(tiny, monkeypatch):
+    monkeypatch.setattr(labels.importlib.util, "find_spec", lambda name: None)
+    run = {"simulations": 123, "seconds": 0.5, "threads": 2, "peak_gib": 0.3}
+    monkeypatch.setattr(labels, "label_run_in_new_process", lambda step, samples: run)
+    lines = []
+    found = labels.measure_labels(lines.append)
+    assert found["andes"] is found["ratio_to_andes"] is found["ratio_to_andes_default_step"] is None
+    assert found["labels_peak_gib"] == 0.3
+    assert 'pip install "errorscreen[andes]"' in lines[-1]
+
+
+def test_a_proportion_has_exponent_one():
+    assert labels.exponent([{"n": n, "seconds": 3e-4 * n} for n in labels.SIZES]) == pytest.approx(1)

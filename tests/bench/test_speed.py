@@ -1,0 +1,58 @@
+"""The speed benchmark runs and its result has the documented form; nothing is asserted about time."""
+
+import json
+
+import pytest
+
+from errorscreen.bench import speed, timing
+from errorscreen.cli import main
+from errorscreen.power import DEVICES
+
+
+@pytest.mark.slow
+def test_result_and_table(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(timing, "_SHORTEST", 0.003)
+    monkeypatch.setattr(speed, "first_use_seconds", lambda device: (2.0, 0.5))
+    assert main(["bench", "speed", "--no-cnn", "--no-labels", "--out", str(tmp_path)]) == 0
+    result = json.loads((tmp_path / "result.json").read_text())
+    assert set(result["simulations_per_second"]) == set(DEVICES)
+    for figures in result["simulations_per_second"].values():
+        assert set(figures) == {"1", "64", "1024"}
+        assert all(value > 0 for value in figures.values())
+    assert set(result["threads"]) == {"1", "2"}
+    assert set(result["cwt"]) >= {"signals_per_second", "ratio_to_pywt"}
+    assert result["compile_seconds"] == dict.fromkeys(DEVICES, 2.0)
+    assert result["cached_import_seconds"] == dict.fromkeys(DEVICES, 0.5)
+    assert not any("labels" in key or "andes" in key for key in result)
+    table = (tmp_path / "table.md").read_text()
+    assert all(name in table for name in DEVICES)
+    assert "39-bus" not in table
+    assert "Written" in capsys.readouterr().out
+
+
+def test_labels_join_the_result_and_are_plotted(tmp_path, monkeypatch):
+    monkeypatch.setattr(speed, "DEVICES", {})
+    monkeypatch.setattr(speed, "cwt_speed", lambda: {"signals_per_second": 1.0, "ratio_to_pywt": 1.0})
+    found = {
+        "labels_102500_seconds": 30.0,
+        "labels_102500_seconds_default_step": 60.0,
+        "labels_peak_gib": None,
+        "labels_scaling": [{"n": 984, "seconds": 0.3}, {"n": 9840, "seconds": 3.0}],
+        "labels_exponent": 1.0,
+        "andes": None,
+        "ratio_to_andes": None,
+    }
+    monkeypatch.setattr(speed, "measure_labels", lambda report: found)
+    result = speed.measure_speed(tmp_path, lambda line: None, cnn=False)
+    assert found.items() <= result.items()
+    assert result == json.loads((tmp_path / "result.json").read_text())
+    table = (tmp_path / "table.md").read_text()
+    assert "| 102500 simulations at 5 ms | 30.0 s |" in table
+    assert 'pip install "errorscreen[andes]"' in table
+    assert (tmp_path / "labels.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_first_use_is_measured_in_new_processes():
+    compiled, cached = speed.first_use_seconds("pv_plant")
+    assert compiled > 0
+    assert cached > 0
