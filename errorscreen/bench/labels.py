@@ -46,6 +46,7 @@ def measure_labels(report: Callable[[str], None]) -> dict[str, Any]:
         "labels_102500_seconds": coarse["seconds"],
         "labels_102500_seconds_default_step": default["seconds"],
         "labels_peak_gib": max(peaks, default=None),
+        "labels_simulations": default["simulations"],
         "labels_threads": default["threads"],
         "labels_scaling": growth,
         "labels_exponent": exponent(growth),
@@ -92,7 +93,7 @@ def label_run(step: float, samples: int) -> dict[str, Any]:
 
 def label_run_in_new_process(step: float, samples: int) -> dict[str, Any]:
     """Return what `label_run` finds in a process that does nothing else."""
-    return _call_in_new_process("label_run", step, samples)
+    return _call_in_new_process(label_run, step, samples)
 
 
 def label_scaling() -> list[dict[str, float]]:
@@ -128,8 +129,8 @@ def measure_andes() -> dict[str, Any] | None:
     """Seconds of a run of ANDES in a new process at both steps; None where it is not installed."""
     if importlib.util.find_spec("andes") is None:
         return None
-    default = _call_in_new_process("andes_run", None, ANDES_RUNS)
-    coarse = _call_in_new_process("andes_run", COARSE, ANDES_COARSE_RUNS)
+    default = _call_in_new_process(andes_run, None, ANDES_RUNS)
+    coarse = _call_in_new_process(andes_run, COARSE, ANDES_COARSE_RUNS)
     return {
         "version": version("andes"),
         "case": ANDES_CASE,
@@ -190,7 +191,7 @@ def label_rows(result: dict[str, Any]) -> list[str]:
         return []
     peak, growth, andes = (result[k] for k in ("labels_peak_gib", "labels_scaling", "andes"))
     times = (result["labels_102500_seconds"], result["labels_102500_seconds_default_step"])
-    headings = (f"{SAMPLES * 41} simulations at {1e3 * s:g} ms" for s in (COARSE, DEFAULT))
+    headings = (f"{result['labels_simulations']} simulations at {1e3 * s:g} ms" for s in (COARSE, DEFAULT))
     lines = [
         "",
         "| labels of the 39-bus system | |",
@@ -248,6 +249,7 @@ def _ratio(step: float, run: dict[str, Any], kind: str, andes: dict[str, Any]) -
     return {"step": step, "andes_step": andes[kind], "ratio": ratio, "per_core": ratio / run["threads"]}
 
 
-def _call_in_new_process(function: str, *arguments: float | None) -> dict[str, Any]:
-    code = f"import json, errorscreen.bench.labels as m; print(json.dumps(m.{function}(*{arguments!r})))"
+def _call_in_new_process(function: Callable[..., dict[str, Any]], *arguments: float | None) -> dict[str, Any]:
+    name = function.__name__
+    code = f"import json; from {__name__} import {name}; print(json.dumps({name}(*{arguments!r})))"
     return json.loads(in_new_process(code))

@@ -52,8 +52,9 @@ def measure_speed(
         with all threads and without set-up:
 
         - ``labels_102500_seconds``: 2500 samples of 41 simulations at a step of 5 ms, and
-          ``labels_102500_seconds_default_step`` at 2.5 ms, each in a new process; ``labels_threads``;
-          ``labels_peak_gib``: the most memory that one of the two held, None where the system is not Linux;
+          ``labels_102500_seconds_default_step`` at 2.5 ms, each in a new process; their number
+          ``labels_simulations``, their ``labels_threads``, and ``labels_peak_gib``: the most memory that one of the
+          two processes held, None where the system is not Linux;
         - ``labels_scaling``: list of ``{n, seconds}`` for about 1000 to 100 000 simulations at 5 ms;
           ``labels_exponent``: the power of n that fits them;
         - ``ratio_to_andes`` at 5 ms and ``ratio_to_andes_default_step`` at 2.5 ms: simulations a second over those of

@@ -3,13 +3,20 @@
 import pytest
 
 from errorscreen.bench import labels
+from errorscreen.bench.speed import dip_event
+from errorscreen.simulators import PlantSimulator
 from tests.power.andes_reference import andes, prepare
+
+#: simulations of one sample of the plant that stands in for the 39-bus system, which compiles for long
+COST = 18
 
 
 @pytest.fixture
 def tiny(monkeypatch):
-    for name, value in {"SAMPLES": 3, "SIZES": (41, 160), "ANDES_RUNS": 1, "ANDES_COARSE_RUNS": 1}.items():
+    for name, value in {"SAMPLES": 3, "SIZES": (18, 70), "ANDES_RUNS": 1, "ANDES_COARSE_RUNS": 1}.items():
         monkeypatch.setattr(labels, name, value)
+    monkeypatch.setattr(labels, "load_ieee39", lambda **step: PlantSimulator("pv_plant", dip_event(), **step))
+    monkeypatch.setattr(labels, "label_run_in_new_process", labels.label_run)
 
 
 @pytest.mark.slow
@@ -18,9 +25,10 @@ def test_everything_at_a_tiny_size(tiny):
     prepare()
     lines = []
     found = labels.measure_labels(lines.append)
-    assert [row["n"] for row in found["labels_scaling"]] == [41, 164]
+    assert [row["n"] for row in found["labels_scaling"]] == [COST, 4 * COST]
+    assert found["labels_simulations"] == 3 * COST
     assert found["labels_threads"] == 2
-    assert found["labels_peak_gib"] is None or 0.05 < found["labels_peak_gib"] < 2
+    assert found["labels_peak_gib"] is None or found["labels_peak_gib"] > 0.05
     reference = found["andes"]
     assert reference["variables"] > 500
     assert reference["default_step"] > reference["coarse_step"] == labels.COARSE
@@ -28,14 +36,14 @@ def test_everything_at_a_tiny_size(tiny):
     assert (
         found["ratio_to_andes"]
         == first["ratio"]
-        == pytest.approx(3 * 41 * reference["default_step_seconds"] / found["labels_102500_seconds"])
+        == pytest.approx(3 * COST * reference["default_step_seconds"] / found["labels_102500_seconds"])
     )
     assert found["ratio_to_andes_default_step"] == second["ratio"]
     assert (first["step"], second["step"], same_step["step"]) == (0.005, 0.0025, 0.005)
     assert first["per_core"] == first["ratio"] / 2
     assert any("times its throughput" in line for line in lines)
     table = "\n".join(labels.label_rows(found))
-    assert "| 123 simulations at 2.5 ms |" in table
+    assert "| 54 simulations at 2.5 ms |" in table
     assert f"({first['per_core']:.0f} per core)" in table
 
 

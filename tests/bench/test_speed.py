@@ -36,6 +36,7 @@ def test_labels_join_the_result_and_are_plotted(tmp_path, monkeypatch):
     found = {
         "labels_102500_seconds": 30.0,
         "labels_102500_seconds_default_step": 60.0,
+        "labels_simulations": 102500,
         "labels_peak_gib": None,
         "labels_scaling": [{"n": 984, "seconds": 0.3}, {"n": 9840, "seconds": 3.0}],
         "labels_exponent": 1.0,
