@@ -230,11 +230,10 @@ def plot_labels(result: dict[str, Any], path: Path) -> None:
     figure = Figure(figsize=(5.5, 3.6), layout="constrained")
     axes = figure.subplots()
     proportion = np.exp(np.mean(np.log(seconds / n)))
-    axes.loglog(n, proportion * n, color="#8d99a3", lw=1.2, ls="--", label="proportional to n")
-    axes.loglog(
-        n, seconds, color=_COLOUR, marker="o", lw=1.4, label=f"measured, n^{result['labels_exponent']:.2f}"
-    )
-    axes.set_xlabel("simulations n")
+    axes.loglog(n, proportion * n, color="#8d99a3", lw=1.2, ls="--", label="proportional to $n$")
+    label = f"measured, $n^{{{result['labels_exponent']:.2f}}}$"
+    axes.loglog(n, seconds, color=_COLOUR, marker="o", ls="none", label=label)
+    axes.set_xlabel("simulations $n$")
     axes.set_ylabel("seconds")
     axes.set_title(f"labels of the 39-bus system, step {1e3 * COARSE:g} ms", fontsize=10)
     axes.grid(color=_GRID, lw=0.6)
