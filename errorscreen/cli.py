@@ -106,9 +106,23 @@ def _parser() -> argparse.ArgumentParser:
         default_out="errorscreen-bench",
         interrupted="Nothing was written; start it again.",
     )
-    for command in (demo, run, speed):
+    paper = kinds.add_parser("paper", help="the 39-bus case study on many hidden draws")
+    paper.add_argument("--draws", type=int, default=100, help="hidden parameter vectors (default 100)")
+    paper.add_argument("--seed", type=int, default=0, help="of everything that is drawn (default 0)")
+    paper.add_argument(
+        "--noise-db",
+        type=float,
+        default=None,
+        help="level of the response over its noise; no noise where not given",
+    )
+    paper.add_argument(
+        "--samples", type=int, default=None, help="simulated errors that the network learns from"
+    )
+    paper.add_argument("--jobs", type=int, default=-1, help="processes (default: one for each core)")
+    paper.set_defaults(command=_bench_paper, default_out="errorscreen-paper", interrupted=resumable)
+    for command in (demo, run, speed, paper):
         command.add_argument("--out", metavar="DIR", help="folder for result.json and the report")
-    for command in (demo, run):
+    for command in (demo, run, paper):
         command.add_argument("--fresh", action="store_true", help="forget the stages of earlier runs in DIR")
         command.add_argument("--quiet", action="store_true", help="no progress")
     return parser
@@ -140,6 +154,30 @@ def _bench_speed(options: argparse.Namespace, out: str) -> None:
         folder, lambda line: print(line, flush=True), cnn=not options.no_cnn, labels=not options.no_labels
     )
     print(f"Written: {folder / 'result.json'}, {folder / 'table.md'}")
+
+
+def _bench_paper(options: argparse.Namespace, out: str) -> None:
+    from errorscreen.bench import Effort, paper
+
+    folder = _writable(Path(out))
+    if options.fresh:
+        shutil.rmtree(folder / "stages", ignore_errors=True)
+    show = not options.quiet
+    effort = Effort() if options.samples is None else Effort(samples=options.samples)
+    paper(
+        folder,
+        lambda line: print(line, file=sys.stderr, flush=True) if show else None,
+        draws=options.draws,
+        seed=options.seed,
+        noise_db=options.noise_db,
+        effort=effort,
+        n_jobs=options.jobs,
+        progress=show,
+    )
+    print((folder / "tables.md").read_text(encoding="utf-8"))
+    print(
+        f"Written: {folder / 'result.json'}, {folder / 'tables.md'}, {folder / 'figure1.png'} to figure4.png"
+    )
 
 
 def _study(prepare: Callable[[], Any], out: Path, options: argparse.Namespace) -> None:

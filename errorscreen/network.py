@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from skorch import NeuralNet
-from skorch.callbacks import Callback, EarlyStopping
+from skorch.callbacks import Callback, EarlyStopping, LRScheduler
 from skorch.dataset import ValidSplit
 from skorch.utils import noop
 from torch import nn
@@ -158,6 +158,7 @@ def train_network(
     y: NDArray[Any],
     *,
     lr: float,
+    lr_schedule: str,
     weight_decay: float,
     huber_delta: float,
     max_epochs: int,
@@ -182,6 +183,8 @@ def train_network(
     watched = patience is not None and validation_fraction * len(X) >= 1 and len(X) - n_validation >= 2
     n_train = len(X) - n_validation * watched
     stopping = EarlyStopping(patience=patience, load_best=True, sink=noop)
+    # down to 0 at the end of the last epoch, along half a cosine
+    cosine = LRScheduler(torch.optim.lr_scheduler.CosineAnnealingLR, T_max=max_epochs)
     net.set_params(
         optimizer=torch.optim.AdamW,
         optimizer__weight_decay=weight_decay,
@@ -192,7 +195,9 @@ def train_network(
         # batch normalisation has nothing to normalise in a last batch of one sample
         iterator_train__drop_last=n_train > net.batch_size and n_train % net.batch_size == 1,
         train_split=ValidSplit(validation_fraction, random_state=split_seed) if watched else None,
-        callbacks=[("stopping", stopping)] * watched + [("progress", Progress())] * progress,
+        callbacks=[("stopping", stopping)] * watched
+        + [("schedule", cosine)] * (lr_schedule == "cosine")
+        + [("progress", Progress())] * progress,
     )
     net.fit(np.require(X, requirements="W"), y)  # torch warns of arrays that it could not write to
     finished = len(net.history) == max_epochs and "train_loss" in net.history[-1]

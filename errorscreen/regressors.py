@@ -40,6 +40,9 @@ class CNNContributionRegressor(RegressorMixin, BaseEstimator):
         Share of hidden units left out in training, below 1.
     lr : float, default 3e-3
         Step size of the optimiser.
+    lr_schedule : {"cosine", "constant"}, default "cosine"
+        ``"cosine"`` lowers the step size to 0 over `max_epochs`; the last, small steps average out the noise of the
+        batches.
     weight_decay : float, default 1e-4
     batch_size : int, default 32
     max_epochs : int, default 60
@@ -113,6 +116,7 @@ class CNNContributionRegressor(RegressorMixin, BaseEstimator):
         *,
         dropout: float = 0.0,
         lr: float = 3e-3,
+        lr_schedule: str = "cosine",
         weight_decay: float = 1e-4,
         batch_size: int = 32,
         max_epochs: int = 60,
@@ -129,6 +133,7 @@ class CNNContributionRegressor(RegressorMixin, BaseEstimator):
         self.n_hidden = n_hidden
         self.dropout = dropout
         self.lr = lr
+        self.lr_schedule = lr_schedule
         self.weight_decay = weight_decay
         self.batch_size = batch_size
         self.max_epochs = max_epochs
@@ -173,6 +178,7 @@ class CNNContributionRegressor(RegressorMixin, BaseEstimator):
                 as_images(images),
                 targets,
                 lr=self.lr,
+                lr_schedule=self.lr_schedule,
                 weight_decay=self.weight_decay,
                 huber_delta=self.huber_delta,
                 max_epochs=self.max_epochs,
@@ -318,6 +324,7 @@ class CNNContributionRegressor(RegressorMixin, BaseEstimator):
         check_real(self.weight_decay, "weight_decay", low=0)
         check_real(self.dropout, "dropout", low=0, high=0.99)
         check_real(self.validation_fraction, "validation_fraction", low=0, high=0.9)
+        check_choice("lr_schedule", self.lr_schedule, ("cosine", "constant"), name)
         check_choice("output", self.output, ("auto", "softplus", "linear"), name)
         check_choice("verbose", self.verbose, (False, True), name)
 

@@ -40,7 +40,7 @@ pipeline = make_pipeline(
 grid = [
     {"cwttransformer__wavelet": ["cmor2.0-1.0", "mexh"]},
     {"cwttransformer__energy": ["linear"]},
-    {"cwttransformer__signed": [True], "cnncontributionregressor__lr": [1e-3, 3e-3]},
+    {"cwttransformer__signed": ["linear"], "cnncontributionregressor__lr": [1e-3, 3e-3]},
 ]
 scoring = {"ndcg": ndcg_scorer(), "overlap": overlap_scorer(5)}
 folds = KFold(2, shuffle=True, random_state=0)

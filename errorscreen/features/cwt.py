@@ -49,10 +49,10 @@ class CWTTransformer(TransformerMixin, BaseEstimator):
     floor : float, default 1e-3
         With ``energy="log"``: the floor of a channel as a multiple of its mean square in fit, so energies far
         below the errors of the training set all look alike.
-    signed : bool, default False
+    signed : {False, "linear", "compressed"}, default False
         Append the real and, for a complex wavelet, the imaginary part of the coefficients as further
-        channels; they tell a rise from a fall. With ``energy="log"`` they are compressed by
-        asinh(W / √floor).
+        channels; they tell a rise from a fall. ``"compressed"`` is asinh(W / √floor); ``"linear"`` leaves them as they
+        are, so that the small contributions of several parameters still add up.
     output : {"images", "flat"}, default "images"
         (n, C, H, W), or one row of C·H·W values for each sample, for estimators that read tables.
     precision : int, default 12
@@ -123,7 +123,7 @@ class CWTTransformer(TransformerMixin, BaseEstimator):
         n_columns: int = 256,
         energy: str = "log",
         floor: float = 1e-3,
-        signed: bool = False,
+        signed: bool | str = False,
         output: str = "images",
         precision: int = PRECISION,
         dtype: str = "float32",
@@ -168,7 +168,7 @@ class CWTTransformer(TransformerMixin, BaseEstimator):
         mean_square = np.mean(np.square(errors, dtype=float), axis=(0, 2))
         smallest = np.finfo(self.dtype).tiny  # of the rounding that a silent channel may hold
         self.floor_ = np.maximum(self.floor * np.where(mean_square > 0, mean_square, 1.0), smallest)
-        self.n_images_ = errors.shape[1] * (1 + self._bank.n_parts * self.signed)
+        self.n_images_ = errors.shape[1] * (1 + self._bank.n_parts * bool(self.signed))
         return self
 
     def transform(self, X: ArrayLike) -> NDArray[Any]:
@@ -209,7 +209,7 @@ class CWTTransformer(TransformerMixin, BaseEstimator):
         images[:, :n_channels] = np.log10(energy + floor) if self.energy == "log" else energy
         if self.signed:
             for k, part in enumerate(parts, start=1):
-                values = np.arcsinh(part / np.sqrt(floor)) if self.energy == "log" else part
+                values = np.arcsinh(part / np.sqrt(floor)) if self.signed == "compressed" else part
                 images[:, k * n_channels : (k + 1) * n_channels] = pool_columns(values, *columns)
 
     def _read(self, X: ArrayLike, *, reset: bool) -> NDArray[Any]:
@@ -220,7 +220,7 @@ class CWTTransformer(TransformerMixin, BaseEstimator):
         name = type(self).__name__
         check_choice("spacing", self.spacing, ("log", "linear"), name)
         check_choice("energy", self.energy, ("log", "linear"), name)
-        check_choice("signed", self.signed, (False, True), name)
+        check_choice("signed", self.signed, (False, "linear", "compressed"), name)
         check_choice("output", self.output, ("images", "flat"), name)
         check_choice("dtype", self.dtype, ("float32", "float64"), name)
         check_integer(self.n_frequencies, "n_frequencies")

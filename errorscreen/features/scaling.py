@@ -10,10 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
+from errorscreen.exceptions import check_real
 from errorscreen.features.checks import as_images, check_choice, check_stack
 
 # samples handled at a time, so that float64 sums of float32 images need no second copy of them all
 _BLOCK = 64
+# axes that share a mean and a deviation
+_POOLED = {"channel": (0, 2, 3), "row": (0, 3), "pixel": (0,)}
 
 
 class ChannelScaler(TransformerMixin, BaseEstimator):
@@ -24,12 +27,17 @@ class ChannelScaler(TransformerMixin, BaseEstimator):
 
     Parameters
     ----------
-    by : {"channel", "row"}, default "channel"
-        One mean and deviation for each channel, or one for each row (frequency) of each channel.
+    by : {"channel", "row", "pixel"}, default "channel"
+        One mean and deviation for each channel, for each row (frequency) of each channel, or for each pixel. Where the
+        images are coefficients, pixels of small size carry what the strong parameters have in common with no other,
+        and a network learns from them only if they are not small.
+    floor : float, default 1e-3
+        Smallest deviation that is divided by, in multiples of the channel's largest, so that what is next to nothing
+        in all images stays small.
 
     Attributes
     ----------
-    mean_, scale_ : ndarray of shape (R, 1, 1), or (R, H, 1) with ``by="row"``
+    mean_, scale_ : ndarray of shape (R, 1, 1), (R, H, 1) with ``by="row"``, or (R, H, W) with ``by="pixel"``
         Where the training set is constant, the scale is 1.
     shape_in_ : tuple
         Shape of one sample in fit.
@@ -50,8 +58,9 @@ class ChannelScaler(TransformerMixin, BaseEstimator):
             [[ 0.,  0.]]]])
     """
 
-    def __init__(self, by: str = "channel") -> None:
+    def __init__(self, by: str = "channel", *, floor: float = 1e-3) -> None:
         self.by = by
+        self.floor = floor
 
     def fit(self, X: ArrayLike, y: Any = None) -> ChannelScaler:
         """Compute the statistics.
@@ -61,9 +70,10 @@ class ChannelScaler(TransformerMixin, BaseEstimator):
         X : array-like of shape (n, R, H, W), (n, R, L) or (n, F)
         y : ignored
         """
-        check_choice("by", self.by, ("channel", "row"), type(self).__name__)
+        check_choice("by", self.by, tuple(_POOLED), type(self).__name__)
+        floor = check_real(self.floor, "floor", low=0.0, high=1.0)
         images = as_images(check_stack(self, X, reset=True, max_ndim=4))
-        axes = (0, 2, 3) if self.by == "channel" else (0, 3)
+        axes = _POOLED[self.by]
         count = np.prod([images.shape[axis] for axis in axes])
 
         def sums(blocks: Iterator[NDArray[np.float64]]) -> NDArray[np.float64]:
@@ -76,6 +86,7 @@ class ChannelScaler(TransformerMixin, BaseEstimator):
         scale = np.sqrt(sums((block - self.mean_) ** 2 for block in blocks()) / count)
         # below the rounding of the mean there is no deviation to speak of
         constant = scale <= 10 * np.finfo(images.dtype).eps * np.abs(self.mean_)
+        scale = np.maximum(scale, floor * scale.max(axis=(1, 2), keepdims=True))
         self.scale_ = np.where(constant, 1.0, scale)
         return self
 

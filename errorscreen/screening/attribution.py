@@ -35,7 +35,8 @@ class AttributionScreener(BaseScreener):
     ----------
     simulator : Simulator
     calibrator : MAPCalibrator, optional
-        Of this simulator and all its parameters, not fitted; ``MAPCalibrator(simulator)`` where not given.
+        Of this simulator and all its parameters; ``MAPCalibrator(simulator)`` where not given. One that is fitted
+        already is not fitted again inside a `sklearn.frozen.FrozenEstimator`.
     n_samples : int, default 64
         Number of samples, each of which costs m + 1 simulations for each recording.
     weights : array-like of shape (R,), optional
@@ -95,7 +96,9 @@ class AttributionScreener(BaseScreener):
         n_samples = check_integer(self.n_samples, "n_samples")
         for_fit, for_samples = generator(self.random_state).integers(2**31, size=2).tolist()
         default = MAPCalibrator(self.simulator, random_state=for_fit)
-        self.calibrator_ = clone(default if self.calibrator is None else self.calibrator).fit(observations)
+        self.calibrator_ = clone(default if self.calibrator is None else self.calibrator).fit(
+            observations, None
+        )
         theta = self.calibrator_.sample_posterior(n_samples, for_samples)
         labels = np.mean([self._labels(theta, observation) for observation in observations], axis=0)
         self.samples_ = labels[np.isfinite(labels).all(axis=1)]

@@ -23,7 +23,9 @@ def contribution_pipeline(sampling_period: float = 1.0, random_state: Any = None
     """Wavelet images, frozen scaling, network: what `ContributionScreener` uses where nothing is given.
 
     The images hold the energy of the paper and the signed coefficients, which rank better: a parameter that is
-    too large and one that is too small have the same energy but differ in how they mix with others.
+    too large and one that is too small have the same energy but differ in how they mix with others. The coefficients
+    are not compressed, and each pixel is scaled by itself, because what tells two similar parameters apart is a small
+    difference on top of what they share.
 
     Parameters
     ----------
@@ -38,8 +40,8 @@ def contribution_pipeline(sampling_period: float = 1.0, random_state: Any = None
     ['cwttransformer', 'channelscaler', 'cnncontributionregressor']
     """
     return make_pipeline(
-        CWTTransformer(sampling_period=sampling_period, signed=True, precision=15),
-        ChannelScaler(),
+        CWTTransformer(sampling_period=sampling_period, signed="linear", precision=15),
+        ChannelScaler(by="pixel"),
         CNNContributionRegressor(random_state=random_state),
     )
 

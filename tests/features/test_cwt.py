@@ -19,7 +19,7 @@ SMALL = {"n_frequencies": 6, "n_columns": 16}
 @parametrize_with_checks(
     [
         CWTTransformer(),
-        CWTTransformer(energy="linear", signed=True, output="flat", dtype="float64", **SMALL),
+        CWTTransformer(energy="linear", signed="linear", output="flat", dtype="float64", **SMALL),
         CWTTransformer("mexh", spacing="linear", f_min=0.01, f_max=0.2, n_jobs=2, **SMALL),
     ]
 )
@@ -81,7 +81,7 @@ def test_scaling_a_signal_by_a_scales_its_energy_by_a_squared(factor, seed):
     linear = CWTTransformer(energy="linear", dtype="float64", **SMALL).fit(errors)
     np.testing.assert_allclose(linear.transform(factor * errors), factor**2 * linear.transform(errors))
     # the floor follows the training set, so log-energy only shifts and compressed parts do not change
-    log = CWTTransformer(signed=True, dtype="float64", **SMALL)
+    log = CWTTransformer(signed="compressed", dtype="float64", **SMALL)
     expected = log.fit_transform(errors)
     expected[:, :2] += 2 * np.log10(factor)
     np.testing.assert_allclose(log.fit_transform(factor * errors), expected, atol=1e-9)
@@ -150,7 +150,7 @@ def test_more_precision_smoothes_wavelets_that_last_longer_than_its_points():
 
 def test_signed_parts_are_the_real_and_imaginary_coefficients():
     errors = errors_like(1, length=16)
-    options = dict(signed=True, energy="linear", dtype="float64", **SMALL)
+    options = dict(signed="linear", energy="linear", dtype="float64", **SMALL)
     transformer = CWTTransformer(**options)
     images = transformer.fit_transform(errors)
     assert transformer.n_images_ == images.shape[1] == 6
@@ -159,7 +159,7 @@ def test_signed_parts_are_the_real_and_imaginary_coefficients():
     np.testing.assert_allclose(images[:, 4:], coefficients.imag, atol=1e-12)
     np.testing.assert_allclose(images[:, :2], np.abs(coefficients) ** 2, atol=1e-12)
     assert CWTTransformer("morl", **options).fit_transform(errors).shape[1] == 4
-    compressed = CWTTransformer(**{**options, "energy": "log"}).fit(errors)
+    compressed = CWTTransformer(**{**options, "signed": "compressed"}).fit(errors)
     mirrored = -compressed.transform(errors)[:, 2:]
     np.testing.assert_allclose(compressed.transform(-errors)[:, 2:], mirrored, atol=1e-12)
 
@@ -167,7 +167,7 @@ def test_signed_parts_are_the_real_and_imaginary_coefficients():
 @pytest.mark.parametrize("order", [[2, 0, 1], [1, 0, 2]])
 def test_permuted_channels_give_permuted_images(order):
     errors = errors_like(7, channels=3)
-    transformer = CWTTransformer(signed=True, **SMALL)
+    transformer = CWTTransformer(signed="compressed", **SMALL)
     expected = transformer.fit_transform(errors).reshape(3, 3, 3, 6, 16)[:, :, order]
     permuted = transformer.fit_transform(errors[:, order]).reshape(3, 3, 3, 6, 16)
     np.testing.assert_array_equal(permuted, expected)
@@ -195,7 +195,7 @@ def test_the_result_depends_neither_on_threads_nor_on_blocks_nor_on_other_sample
 def test_a_silent_channel_gives_a_flat_image(rounding):
     errors = errors_like(4)
     errors[:, 1] *= rounding
-    images = CWTTransformer(signed=True, **SMALL).fit_transform(errors)
+    images = CWTTransformer(signed="compressed", **SMALL).fit_transform(errors)
     assert np.all(np.isfinite(images))
     assert np.ptp(images[:, 1]) < 1e-6
     assert np.abs(images[:, [3, 5]]).max() < 1e-6

@@ -9,7 +9,7 @@ from errorscreen.exceptions import InputError
 from errorscreen.features import ChannelScaler
 
 
-@parametrize_with_checks([ChannelScaler(), ChannelScaler(by="row")])
+@parametrize_with_checks([ChannelScaler(), ChannelScaler(by="row"), ChannelScaler(by="pixel")])
 def test_scikit_learn_contract(estimator, check):
     check(estimator)
 
@@ -19,13 +19,13 @@ def images_like(seed, n=130):
     return rng.normal(size=(n, 3, 4, 5)) * rng.uniform(0.01, 100, (3, 4, 1)) + rng.normal(size=(3, 4, 1)) * 10
 
 
-@pytest.mark.parametrize(("by", "axis"), [("channel", 1), ("row", (1, 2))])
+@pytest.mark.parametrize(("by", "axis"), [("channel", 1), ("row", (1, 2)), ("pixel", (1, 2, 3))])
 def test_equals_scikit_learns_scaler_on_the_values_of_each_channel_or_row(by, axis):
     images = images_like(0)
     keep = np.moveaxis(images, axis, range(np.size(axis)))
     table = keep.reshape(int(np.prod(keep.shape[: np.size(axis)])), -1).T
     expected = StandardScaler().fit(table)
-    scaler = ChannelScaler(by=by).fit(images)
+    scaler = ChannelScaler(by=by, floor=0).fit(images)
     np.testing.assert_allclose(scaler.mean_.ravel(), expected.mean_)
     np.testing.assert_allclose(scaler.scale_.ravel(), expected.scale_)
 
@@ -33,7 +33,7 @@ def test_equals_scikit_learns_scaler_on_the_values_of_each_channel_or_row(by, ax
 @settings(max_examples=20, deadline=None)
 @given(
     seed=st.integers(0, 999),
-    by=st.sampled_from(["channel", "row"]),
+    by=st.sampled_from(["channel", "row", "pixel"]),
     axes=st.integers(2, 4),
     dtype=st.sampled_from([np.float32, np.float64]),
 )
@@ -67,6 +67,14 @@ def test_statistics_are_those_of_the_training_set_only():
     np.testing.assert_array_equal(scaler.mean_, mean)
 
 
+def test_what_is_next_to_nothing_stays_small():
+    images = images_like(5)
+    images[:, 0, 0] *= 1e-6
+    scaler = ChannelScaler(by="pixel", floor=0.01).fit(images)
+    assert scaler.scale_[0, 0].max() == pytest.approx(0.01 * scaler.scale_[0].max())
+    assert scaler.transform(images)[:, 0, 0].std() < 0.01
+
+
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("value", [0.0, 0.1, -1e8])
 def test_a_constant_channel_becomes_zero(dtype, value):
@@ -78,8 +86,8 @@ def test_a_constant_channel_becomes_zero(dtype, value):
 
 
 def test_an_unknown_option_and_another_shape_are_input_errors():
-    with pytest.raises(InputError, match=r"by='pixel'\. Allowed: 'channel', 'row'"):
-        ChannelScaler(by="pixel").fit(images_like(0))
+    with pytest.raises(InputError, match=r"by='column'\. Allowed: 'channel', 'row', 'pixel'"):
+        ChannelScaler(by="column").fit(images_like(0))
     scaler = ChannelScaler().fit(images_like(0))
     for method in (scaler.transform, scaler.inverse_transform):
         with pytest.raises(InputError, match=r"\(n, 3, 4, 5\), as in fit"):

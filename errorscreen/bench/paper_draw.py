@@ -1,0 +1,290 @@
+"""One hidden draw of the paper's case study: measured, ranked, calibrated and judged."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from time import perf_counter
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.frozen import FrozenEstimator
+
+from errorscreen.calibration import MAPCalibrator, PSOCalibrator
+from errorscreen.calibration.problem import FitProblem
+from errorscreen.cases.ieee39 import ieee39_events, load_ieee39
+from errorscreen.events import GridEvent
+from errorscreen.generation import local_sensitivity
+from errorscreen.metrics import quiet_level, ranking, response_error, top_k_overlap
+from errorscreen.observations import Observation
+from errorscreen.sampling import latin_hypercube
+from errorscreen.screening import (
+    AttributionScreener,
+    BaseScreener,
+    IdentifiabilityScreener,
+    RandomScreener,
+    SensitivityScreener,
+)
+from errorscreen.simulators import PowerSystemSimulator
+
+#: events that are measured for calibration, the paper's first; all others are held out
+FIT_EVENTS = ("fault at bus 3", "fault at bus 3, impedance", "fault at bus 26")
+#: rankings whose first ten parameters are calibrated by the swarm, in the order of the arrays of a draw
+RANKINGS = ("random", "sensitivity", "identifiability", "cnn", "map", "oracle")
+#: everything that is calibrated: the ten of each ranking, then all parameters on one event and on three
+CALIBRATED = (*RANKINGS, "map_all", "map_all_three")
+TOP = 10
+#: the truth is simulated with a fifth of the step of the model that is fitted
+TRUE_STEP = 0.0005
+#: what counts as the noise of recordings that have none, because χ² needs one
+_QUIET_DB = 80.0
+#: draws from which the error of the step is estimated
+_STEP_DRAWS = 32
+
+_Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much each method may spend; the defaults are those of the published table."""
+
+    samples: int = 20000
+    epochs: int = 40
+    particles: int = 30
+    iterations: int = 80
+    starts: int = 8
+    library: int = 2048
+    posterior: int = 64
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What all draws share.
+
+    Parameters
+    ----------
+    seed : int
+    noise_db : float or None
+        Level of the response's deviation from its value before the event over that of the noise, both rms, in
+        decibels, for each channel and event; no noise where None.
+    effort : Effort
+    """
+
+    seed: int
+    noise_db: float | None
+    effort: Effort
+    simulator: PowerSystemSimulator = field(default_factory=lambda: load_ieee39(n_threads=1))
+
+    @property
+    def events(self) -> dict[str, GridEvent]:
+        """Events to fit first, then those that are held out."""
+        events = ieee39_events()
+        held_out = [name for name in events if name not in FIT_EVENTS]
+        return {name: events[name] for name in (*FIT_EVENTS, *held_out)}
+
+    def streams(self, draw: int, n: int) -> list[np.random.SeedSequence]:
+        """Independent seeds of one draw, which do not depend on the number of draws."""
+        return np.random.SeedSequence(self.seed, spawn_key=(draw,)).spawn(n)
+
+
+def step_error(setting: Setting) -> dict[str, _Array]:
+    """Error that the step of the fitted model makes at each sample (R, L), rms over draws, for each event."""
+    theta = latin_hypercube(setting.simulator.parameters, _STEP_DRAWS, setting.seed)
+    fine = load_ieee39(step=TRUE_STEP)
+    return {
+        name: np.sqrt(
+            np.mean(
+                (setting.simulator.simulate(theta, e).values - fine.simulate(theta, e).values) ** 2, axis=0
+            )
+        )
+        for name, e in setting.events.items()
+    }
+
+
+def noise_of(response: _Array, event: GridEvent, noise_db: float) -> _Array:
+    """Standard deviation of each channel's noise (R,) at a level below the response's deviation, see `Setting`."""
+    level = quiet_level(response, event.time, event.start)[:, None]
+    return np.asarray(np.sqrt(np.mean((response - level) ** 2, axis=1)) * 10 ** (-noise_db / 20))
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """A hidden parameter vector, its true responses and what was recorded of them."""
+
+    theta: _Array
+    truths: dict[str, _Array]
+    observations: dict[str, Observation]
+
+
+def hidden(setting: Setting, draw: int, step_errors: dict[str, _Array], names: Iterable[str]) -> Hidden:
+    """Draw parameters, uniform inside the bounds, and measure the named events."""
+    fine = load_ieee39(step=TRUE_STEP, n_threads=1)
+    lower, upper = fine.parameters.bounds.T
+    for_theta, for_noise, _ = setting.streams(draw, 3)
+    theta = np.random.default_rng(for_theta).uniform(lower, upper)
+    noise_streams = dict(zip(setting.events, for_noise.spawn(len(setting.events)), strict=True))
+    truths, observations = {}, {}
+    for name in names:
+        event = setting.events[name]
+        truth = fine.simulate(theta, event).require_ok(f"hidden draw {draw}, {name}").values[0]
+        noise = noise_of(truth, event, _QUIET_DB if setting.noise_db is None else setting.noise_db)
+        values = truth
+        if setting.noise_db is not None:
+            white = np.random.default_rng(noise_streams[name]).standard_normal(truth.shape)
+            values = truth + white * noise[:, None]
+        truths[name] = truth
+        observations[name] = Observation(
+            event, values, noise, fine.channels, fine.units, extra=step_errors[name]
+        )
+    return Hidden(theta, truths, observations)
+
+
+class Ranked(NamedTuple):
+    """Contributions (m,) by one ranking, and what they cost."""
+
+    contributions: _Array
+    simulations: int
+    seconds: float
+
+
+def run_draw(
+    setting: Setting, draw: int, step_errors: dict[str, _Array], cnn: _Array
+) -> dict[str, NDArray[Any]]:
+    """Rank, calibrate and judge one hidden draw.
+
+    Parameters
+    ----------
+    setting : Setting
+    draw : int
+    step_errors : dict of str to ndarray
+        See `step_error`.
+    cnn : ndarray of shape (m,)
+        Contributions that the network reads off the error of the calibration event.
+
+    Returns
+    -------
+    dict of str to ndarray
+        ``theta``, ``label`` (m,): the truth; ``contributions`` (rankings, m) and ``overlap`` (rankings,) with the label
+        of the calibration event, ``overlap_three`` that of the attribution on three events with their mean label;
+        ``calibrated`` (fits, m); ``before`` (events, R) and ``errors`` (fits, events, R), equation (23) against the
+        true response; ``measured_before`` (R,) and ``measured`` (fits, R), the same on the calibration event against
+        the recording; ``chi2`` (2, 2), χ²/N of the fit of all parameters and at the truth, on one event and on
+        three; ``covered`` and ``identifiable`` (2, m) and ``starts`` (2,) of these two fits; ``simulations`` and
+        ``seconds`` (fits, 2), of ranking and of calibration. The order is that of `RANKINGS`, `CALIBRATED` and
+        `Setting.events`.
+    """
+    simulator, effort = setting.simulator, setting.effort
+    found = hidden(setting, draw, step_errors, setting.events)
+    one, three = ([found.observations[name] for name in FIT_EVENTS[:k]] for k in (1, 3))
+    seeds = [int(s.generate_state(1)[0]) for s in setting.streams(draw, 3)[2].spawn(3)]
+    all_fits, attributions = [], []
+    for recordings in (one, three):
+        calibrator = MAPCalibrator(
+            simulator, n_starts=effort.starts, library_size=effort.library, random_state=seeds[0]
+        )
+        all_fits.append(_timed(calibrator, recordings))
+        attribution = AttributionScreener(
+            simulator, FrozenEstimator(calibrator), n_samples=effort.posterior, random_state=seeds[1]
+        )
+        seconds = all_fits[-1][1] + _timed(attribution, recordings)[1]
+        attributions.append(Ranked(attribution.contributions_, attribution.n_simulations_, seconds))
+
+    label, label_three = (_label(simulator, found.theta, recordings) for recordings in (one, three))
+    ranked = _rank(simulator, one, seeds[2]) | {
+        "cnn": Ranked(cnn, 1, 0.0),
+        "map": attributions[0],
+        "oracle": Ranked(label, 0, 0.0),
+    }
+    swarms = [_swarm(setting, ranked[name].contributions, one, seeds[2]) for name in RANKINGS]
+    fits = swarms + all_fits
+    thetas = np.array([simulator.parameters.nominal] + [fit.theta_ for fit, _ in fits])
+    errors = np.stack(
+        [_errors(simulator, thetas, o, found.truths[name]) for name, o in found.observations.items()]
+    )
+    measured = _errors(simulator, thetas, one[0], one[0].values)
+    costs = [(ranked[n].simulations, ranked[n].seconds) for n in RANKINGS] + [(0, 0.0)] * 2
+    return {
+        "theta": found.theta,
+        "label": label,
+        "contributions": np.array([ranked[name].contributions for name in RANKINGS]),
+        "overlap": np.array([top_k_overlap(label, ranked[name].contributions, TOP) for name in RANKINGS]),
+        "overlap_three": np.array(top_k_overlap(label_three, attributions[1].contributions, TOP)),
+        "calibrated": thetas[1:],
+        "before": errors[:, 0],
+        "errors": errors[:, 1:].swapaxes(0, 1),
+        "measured_before": measured[0],
+        "measured": measured[1:],
+        "chi2": np.array(
+            [
+                [
+                    fit.chi2_per_sample_,
+                    FitProblem(simulator, recordings).chi_square(found.theta)[0] / _n(recordings),
+                ]
+                for (fit, _), recordings in zip(all_fits, (one, three), strict=True)
+            ]
+        ),
+        "covered": np.array(
+            [
+                (fit.intervals_[:, 0] <= found.theta) & (found.theta <= fit.intervals_[:, 1])
+                for fit, _ in all_fits
+            ]
+        ),
+        "identifiable": np.array([fit.identifiable_ for fit, _ in all_fits]),
+        "starts": np.array([len(fit.starts_) for fit, _ in all_fits]),
+        "simulations": np.array(
+            [[c[0], fit.n_simulations_] for c, (fit, _) in zip(costs, fits, strict=True)]
+        ),
+        "seconds": np.array([[c[1], seconds] for c, (_, seconds) in zip(costs, fits, strict=True)]),
+    }
+
+
+def _timed(estimator: Any, recordings: list[Observation]) -> tuple[Any, float]:
+    started = perf_counter()
+    return estimator.fit(recordings), perf_counter() - started
+
+
+def _rank(simulator: PowerSystemSimulator, recordings: list[Observation], seed: int) -> dict[str, Ranked]:
+    """Rankings that look only at the event and its noise."""
+    m = len(simulator.parameters)
+    screeners: dict[str, tuple[BaseScreener, int]] = {
+        "random": (RandomScreener(simulator, random_state=seed), 0),
+        "sensitivity": (SensitivityScreener(simulator), m + 1),
+        "identifiability": (IdentifiabilityScreener(simulator), 2 * m + 1),
+    }
+    ranked = {}
+    for name, (screener, simulations) in screeners.items():
+        fitted, seconds = _timed(screener, recordings)
+        ranked[name] = Ranked(fitted.contributions_, simulations, seconds)
+    return ranked
+
+
+def _swarm(
+    setting: Setting, contributions: _Array, recordings: list[Observation], seed: int
+) -> tuple[PSOCalibrator, float]:
+    """Calibrate the ten parameters with the largest contributions as the paper does."""
+    names = [setting.simulator.parameters.names[j] for j in ranking(contributions)[:TOP]]
+    particles, iterations = setting.effort.particles, setting.effort.iterations
+    swarm = PSOCalibrator(
+        setting.simulator, names, n_particles=particles, n_iterations=iterations, random_state=seed
+    )
+    return _timed(swarm, recordings)
+
+
+def _label(simulator: PowerSystemSimulator, theta: _Array, recordings: list[Observation]) -> _Array:
+    """True contributions, equations (14) and (15), mean over the events."""
+    sensitivity = [local_sensitivity(simulator, theta, o.event).values[0] for o in recordings]
+    return np.asarray(simulator.parameters.deviation(theta)[0] * np.mean(sensitivity, axis=0))
+
+
+def _errors(
+    simulator: PowerSystemSimulator, thetas: _Array, observation: Observation, reference: _Array
+) -> _Array:
+    """Equation (23) of each parameter vector and channel (fits, R) against a response."""
+    event = observation.event
+    responses = simulator.simulate(thetas, event).require_ok(f"a calibrated model, {event.name},")
+    return response_error(responses.values, reference, quiet_level(reference, event.time, event.start))
+
+
+def _n(recordings: list[Observation]) -> int:
+    return int(sum(o.mask.sum() for o in recordings))

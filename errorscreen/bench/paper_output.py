@@ -1,0 +1,193 @@
+"""Result, tables and figures of the paper's case study, in the paper's layout."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from errorscreen.bench.paper_draw import FIT_EVENTS, RANKINGS, TOP, Setting, hidden
+from errorscreen.features import CWTTransformer
+from errorscreen.metrics import ranking, reduction
+from errorscreen.persistence import write_json_atomic, write_text_atomic
+from errorscreen.plotting import plot_error_images, plot_responses, plot_system
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: selections whose responses are shown, by figure
+_SELECTIONS = {3: "cnn", 4: "sensitivity"}
+_DPI = 150
+
+_Array = NDArray[np.float64]
+_Table = dict[str, NDArray[Any]]
+
+
+def write_paper(
+    result: dict[str, Any], table: _Table, setting: Setting, step_errors: dict[str, _Array], out: Path
+) -> None:
+    """Write ``result.json``, ``tables.md`` and ``figure1.png`` to ``figure4.png`` into ``out``.
+
+    The paper shows one draw. So do its tables 2 to 4 and the figures: the one whose reduction of J by the network's
+    selection is the median of all draws, so that it is neither picked nor lucky.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    shown = typical_draw(table)
+    result["shown_draw"] = shown
+    write_json_atomic(out / "result.json", result)
+    write_text_atomic(out / "tables.md", tables(result, table, setting, shown))
+    for number, figure in figures(table, setting, step_errors, shown).items():
+        figure.savefig(out / f"figure{number}.png", dpi=_DPI)
+
+
+def typical_draw(table: _Table) -> int:
+    """Draw with the median reduction of J, equation (24), by the network's selection."""
+    before, after = (
+        table["before"][:, 0].mean(axis=1),
+        table["errors"][:, RANKINGS.index("cnn"), 0].mean(axis=1),
+    )
+    return int(np.argsort(reduction(before, after), kind="stable")[len(before) // 2])
+
+
+def tables(result: dict[str, Any], table: _Table, setting: Setting, shown: int) -> str:
+    """All tables as Markdown: over all draws, then the paper's tables 2 to 4 for one draw."""
+    noise = (
+        "without noise"
+        if result["noise_db"] is None
+        else f"noise {result['noise_db']:g} dB below the response"
+    )
+    parts = [
+        f"{result['draws']} hidden draws, seed {result['seed']}, {noise}. In brackets: 95 % bootstrap interval.",
+        _rankings(result["methods"]),
+        _reductions(result["methods"]),
+        _all_parameters(result["methods"]["map_all"]),
+        f"One draw (number {shown}: the one with the median gain of the network's selection).",
+    ]
+    names = setting.simulator.parameters.names
+    for number, method in ((2, "cnn"), (3, "sensitivity")):
+        parts.append(_ranking_of_one(number, method, table, names, shown))
+    parts.append(_calibration_of_one(table, shown))
+    return "\n\n".join(parts) + "\n"
+
+
+def figures(table: _Table, setting: Setting, step_errors: dict[str, _Array], shown: int) -> dict[int, Figure]:
+    """Figures 1 to 4 of the paper: error image, system, responses before and after by both selections."""
+    simulator, event = setting.simulator, setting.events[FIT_EVENTS[0]]
+    observation = hidden(setting, shown, step_errors, FIT_EVENTS[:1]).observations[event.name]
+    before = simulator.baseline(event)
+    cwt = CWTTransformer(sampling_period=event.dt, energy="linear", precision=15)
+    energy = cwt.fit_transform((observation.values - before)[None])[0]
+    image = plot_error_images(
+        {"measured - simulated": energy}, cwt.frequencies_, cwt.times_, simulator.channels,
+        event_time=event.start, cone=cwt.cone_of_influence_,
+    )  # fmt: skip
+    drawn = {1: image, 2: plot_system(simulator, event)}
+    for number, method in _SELECTIONS.items():
+        theta = table["calibrated"][shown, RANKINGS.index(method)]
+        after = simulator.simulate(theta, event).require_ok().values[0]
+        drawn[number] = plot_responses(
+            observation, {"before": before, f"after, ten parameters by {_LABELS[method]}": after}
+        )
+    return drawn
+
+
+_LABELS = {
+    "random": "chance",
+    "sensitivity": "sensitivity",
+    "identifiability": "sensitivity + identifiability",
+    "cnn": "network (CNN)",
+    "map": "attribution (MAP)",
+    "oracle": "true label",
+    "map_all": "all 40 by MAP",
+}
+
+
+def _rankings(methods: dict[str, Any]) -> str:
+    lines = ["| ranking | overlap with the true ten | from three events |", "|---|---|---|"]
+    for name in RANKINGS:
+        three = methods[name].get("three_events")
+        lines.append(f"| {_LABELS[name]} | {_overlap(methods[name])} | {_overlap(three) if three else ''} |")
+    return "\n".join(lines)
+
+
+def _overlap(entry: dict[str, Any]) -> str:
+    low, high = entry["overlap_at_10_interval"]
+    return f"{entry['overlap_at_10']:.3f} [{low:.3f}, {high:.3f}]"
+
+
+def _reductions(methods: dict[str, Any]) -> str:
+    head = "| calibrated | fitted: U | P | held out: U | P | reach the paper | simulations | seconds |"
+    lines = [
+        "Reduction of E against the true response in %, median (tenth percentile); P and U at bus 2:",
+        "",
+        head,
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    entries = {_LABELS[name]: methods[name] for name in (*RANKINGS, "map_all")}
+    entries["all 40 by MAP, three events"] = methods["map_all"]["three_events"]
+    for label, entry in entries.items():
+        cells = [_gain(entry[part][channel]) for part in ("fit", "held_out") for channel in "UP"]
+        cells += [
+            f"{100 * entry['reaches_paper']:.0f} %",
+            f"{entry['simulations']:.0f}",
+            f"{entry['seconds']:.1f}",
+        ]
+        lines.append(f"| {label} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def _gain(entry: dict[str, Any]) -> str:
+    return f"{100 * entry['median']:.1f} ({100 * entry['p10']:.1f})"
+
+
+def _all_parameters(entry: dict[str, Any]) -> str:
+    lines = [
+        "All 40 by MAP:",
+        "",
+        "| events | at the noise floor | χ²/N ≤ 1.05 | so at the truth | largest χ²/N | identifiable | coverage | longest |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for label, e in (("one", entry), ("three", entry["three_events"])):
+        low, high = e["coverage_interval"]
+        lines.append(
+            f"| {label} | {100 * e['noise_floor_share']:.0f} % | {100 * e['chi2_share']:.0f} % "
+            f"| {100 * e['chi2_share_of_truth']:.0f} % | {e['chi2_largest']:.3f} | {e['identifiable']:.1f} "
+            f"| {100 * e['coverage']:.1f} % [{100 * low:.1f}, {100 * high:.1f}] | {e['largest_seconds']:.1f} s |"
+        )
+    return "\n".join(lines)
+
+
+def _ranking_of_one(number: int, method: str, table: _Table, names: tuple[str, ...], shown: int) -> str:
+    """Tables 2 and 3: the ten parameters that a ranking puts first."""
+    contributions, label = table["contributions"][shown, RANKINGS.index(method)], table["label"][shown]
+    place = {int(j): rank for rank, j in enumerate(ranking(label), start=1)}
+    lines = [
+        f"Table {number}: first ten by {_LABELS[method]}",
+        "",
+        "| rank | parameter | score | true contribution | true rank |",
+        "|---|---|---|---|---|",
+    ]
+    for rank, j in enumerate(ranking(contributions)[:TOP], start=1):
+        lines.append(f"| {rank} | {names[j]} | {contributions[j]:.4g} | {label[j]:.4g} | {place[int(j)]} |")
+    return "\n".join(lines)
+
+
+def _calibration_of_one(table: _Table, shown: int) -> str:
+    """Table 4: errors before and after for both selections, against the recording as in the paper."""
+    before = table["measured_before"][shown]
+    lines = [
+        "Table 4: error against the recording before and after calibration",
+        "",
+        "| selection | E_U before | after | reduction | E_P before | after | reduction |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for method in _SELECTIONS.values():
+        after = table["measured"][shown, RANKINGS.index(method)]
+        cells = [
+            f"{b:.5f} | {a:.5f} | {100 * float(reduction(b, a)):.2f} %"
+            for b, a in zip(before, after, strict=True)
+        ]
+        lines.append(f"| {_LABELS[method]} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)

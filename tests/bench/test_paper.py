@@ -1,0 +1,154 @@
+"""The case study in a small version; the figures of the full one are in the documentation, not asserted here."""
+
+import json
+
+import numpy as np
+import pytest
+
+from errorscreen.bench import Effort, paper
+from errorscreen.bench.paper import summarise
+from errorscreen.bench.paper_draw import CALIBRATED, FIT_EVENTS, RANKINGS, Setting, hidden, step_error
+from errorscreen.bench.paper_output import typical_draw
+from errorscreen.cli import main
+from errorscreen.exceptions import InputError
+
+SMALL = Effort(samples=24, epochs=1, particles=6, iterations=2, starts=2, library=32, posterior=4)
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    out = tmp_path_factory.mktemp("paper")
+    return out, paper(out, lambda line: None, draws=2, seed=4, noise_db=40.0, effort=SMALL)
+
+
+def test_the_result_has_the_documented_form(finished):
+    out, result = finished
+    stored = json.loads((out / "result.json").read_text())
+    assert stored["methods"] == result["methods"]
+    assert set(result["methods"]) == {*RANKINGS, "map_all"}
+    for name, entry in result["methods"].items():
+        for part in ("fit", "fit_measured", "held_out"):
+            for channel in "UP":
+                assert entry[part][channel]["p10"] <= entry[part][channel]["median"] <= 1.0
+        assert entry["simulations"] > 0 or name == "oracle"
+    assert result["methods"]["oracle"]["overlap_at_10"] == 1.0
+    assert 0 <= result["methods"]["map_all"]["noise_floor_share"] <= 1
+    assert {*FIT_EVENTS}.isdisjoint(result["events"]["held_out"])
+    assert len(result["events"]["held_out"]) >= 3
+
+
+def test_all_parameters_together_explain_what_was_measured(finished):
+    methods = finished[1]["methods"]
+    assert methods["map_all"]["noise_floor_share"] == 1.0
+    assert methods["map_all"]["fit"]["P"]["p10"] > 0.99
+    assert methods["map_all"]["three_events"]["held_out"]["P"]["median"] > 0.95
+
+
+def test_tables_and_figures_are_written(finished):
+    out, result = finished
+    text = (out / "tables.md").read_text()
+    for words in ("Table 2", "Table 3", "Table 4", "coverage", "held out"):
+        assert words in text
+    assert text.count("\n| 10 | ") == 2
+    for number in range(1, 5):
+        assert (out / f"figure{number}.png").stat().st_size > 10_000
+    assert result["shown_draw"] in (0, 1)
+
+
+def test_finished_draws_are_kept_and_more_can_follow(finished):
+    out, first = finished
+    lines = []
+    again = paper(out, lines.append, draws=3, seed=4, noise_db=40.0, effort=SMALL)
+    assert any("2 of them finished before" in line for line in lines)
+    assert again["draws"] == 3
+    with pytest.raises(InputError, match="belongs to another run"):
+        paper(out, lines.append, draws=2, seed=5, noise_db=40.0, effort=SMALL)
+
+
+def test_a_draw_depends_neither_on_the_others_nor_on_which_events_are_asked_for():
+    setting = Setting(7, 40.0, SMALL)
+    errors = {name: np.zeros((2, 501)) for name in setting.events}
+    alone = hidden(setting, 3, errors, FIT_EVENTS[:1])
+    both = hidden(setting, 3, errors, FIT_EVENTS)
+    name = FIT_EVENTS[0]
+    assert np.array_equal(alone.theta, both.theta)
+    assert np.array_equal(alone.observations[name].values, both.observations[name].values)
+    assert not np.array_equal(hidden(setting, 4, errors, ()).theta, alone.theta)
+
+
+def test_the_noise_has_the_level_that_was_asked_for():
+    setting = Setting(7, 30.0, SMALL)
+    errors = {name: np.zeros((2, 501)) for name in setting.events}
+    found = hidden(setting, 0, errors, FIT_EVENTS)
+    for name in FIT_EVENTS:
+        truth, seen = found.truths[name], found.observations[name]
+        moved = np.sqrt(np.mean((truth - truth[:, :1]) ** 2, axis=1))
+        noise = np.std(seen.values - truth, axis=1)
+        np.testing.assert_allclose(20 * np.log10(moved / noise), 30.0, atol=0.8)
+        np.testing.assert_allclose(noise, seen.noise, rtol=0.1)
+    quiet = hidden(Setting(7, None, SMALL), 0, errors, FIT_EVENTS[:1])
+    assert np.array_equal(quiet.observations[FIT_EVENTS[0]].values, quiet.truths[FIT_EVENTS[0]])
+    assert np.array_equal(quiet.theta, found.theta)
+
+
+def test_the_truth_is_not_made_with_the_step_that_is_fitted():
+    setting = Setting(0, 40.0, SMALL)
+    errors = step_error(setting)[FIT_EVENTS[0]]
+    assert errors.shape == (2, 501)
+    assert np.all(errors[:, :50] < 1e-9)  # before the fault nothing moves
+    assert 1e-5 < errors.max() < 0.05
+
+
+def test_the_summary_counts_what_it_says():
+    n, events = 4, 5
+    reductions = np.array([0.9, 0.8, 0.7, -0.5])
+    errors = np.ones((n, len(CALIBRATED), events, 2)) * (1 - reductions)[:, None, None, None]
+    table = {
+        "before": np.ones((n, events, 2)),
+        "errors": errors,
+        "measured_before": np.ones((n, 2)),
+        "measured": errors[:, :, 0],
+        "overlap": np.tile([[0.5], [0.7], [0.9], [0.3]], (1, len(RANKINGS))),
+        "overlap_three": np.full(n, 0.9),
+        "chi2": np.array([[[1.0, 1.0]] * 2, [[1.06, 1.02]] * 2, [[1.2, 1.0]] * 2, [[0.9, 1.1]] * 2]),
+        "covered": np.array(
+            [[[True, True]] * 2, [[True, False]] * 2, [[False, True]] * 2, [[True, True]] * 2]
+        ),
+        "identifiable": np.array([[[True, False]] * 2] * n),
+        "starts": np.full((n, 2), 2),
+        "simulations": np.tile([10, 100], (n, len(CALIBRATED), 1)),
+        "seconds": np.tile([0.5, 2.0], (n, len(CALIBRATED), 1)),
+    }
+    methods = summarise(table, seed=0)
+    sensitivity = methods["sensitivity"]
+    assert sensitivity["overlap_at_10"] == pytest.approx(0.6)
+    low, high = sensitivity["overlap_at_10_interval"]
+    assert 0.3 <= low < 0.6 < high <= 0.9
+    assert sensitivity["fit"]["U"]["median"] == pytest.approx(0.75)
+    assert sensitivity["held_out"]["P"]["p10"] == pytest.approx(-0.5)
+    assert sensitivity["reaches_paper"] == 0.0
+    assert sensitivity["simulations"] == 110
+    assert sensitivity["seconds"] == pytest.approx(2.5)
+    everything = methods["map_all"]
+    assert everything["noise_floor_share"] == pytest.approx(0.75)
+    assert everything["chi2_share"] == pytest.approx(0.5)
+    assert everything["chi2_share_of_truth"] == pytest.approx(0.75)
+    assert everything["coverage"] == pytest.approx(0.75)  # the second parameter is not identifiable
+    assert everything["three_events"]["chi2_largest"] == pytest.approx(1.2)
+    assert methods["map"]["three_events"]["overlap_at_10"] == pytest.approx(0.9)
+    assert typical_draw(table) in (1, 2)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--draws", "0"], "draws"),
+        (["--seed", "-1"], "seed"),
+        (["--noise-db", "-3"], "noise_db"),
+        (["--noise-db", "nan"], "noise_db"),
+        (["--samples", "0"], "samples"),
+    ],
+)
+def test_wrong_options_are_named(options, message, tmp_path, capsys):
+    assert main(["bench", "paper", "--out", str(tmp_path), *options]) == 2
+    assert message in capsys.readouterr().err
