@@ -157,14 +157,14 @@ def _bench_speed(options: argparse.Namespace, out: str) -> None:
 
 
 def _bench_paper(options: argparse.Namespace, out: str) -> None:
-    from errorscreen.bench import Effort, paper
+    from errorscreen.bench import Effort, paper_study
 
     folder = _writable(Path(out))
     if options.fresh:
         shutil.rmtree(folder / "stages", ignore_errors=True)
     show = not options.quiet
     effort = Effort() if options.samples is None else Effort(samples=options.samples)
-    paper(
+    paper_study(
         folder,
         lambda line: print(line, file=sys.stderr, flush=True) if show else None,
         draws=options.draws,

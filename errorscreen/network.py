@@ -20,7 +20,7 @@ from tqdm import tqdm
 from errorscreen.exceptions import InputError
 
 # the feature maps are averaged onto at most this many rows and columns before the fully connected layers
-_GRID = (4, 8)
+_GRID = (8, 32)
 # images that are widened to float64 at a time
 _BLOCK = 256
 
@@ -58,14 +58,13 @@ def build_network(
     """
     channels, *size = shape
     layers: list[nn.Module] = []
-    # the first layer looks wide and steps by two: most of the work is at full resolution
-    for filters, reach, stride in zip(n_filters, (5, 3, 3), (2, 1, 1), strict=True):
+    # Strides, not max pooling: what tells similar parameters apart are small differences of signed coefficients, and
+    # the largest of four neighbours does not keep them. The first layer looks wide, because most of the work is there.
+    for filters, reach, stride in zip(n_filters, (5, 3, 3), (2, 1, 2), strict=True):
         kernel = [min(reach, 2 * length - 1) for length in size]  # a wider one would only see more padding
         layers.append(nn.Conv2d(channels, filters, kernel, stride, padding=[k // 2 for k in kernel]))
         layers += [nn.BatchNorm2d(filters), nn.ReLU()]
         size = [math.ceil(length / stride) for length in size]
-        layers.append(nn.MaxPool2d([min(2, length) for length in size], ceil_mode=True))
-        size = [math.ceil(length / 2) for length in size]
         channels = filters
     # not AdaptiveAvgPool2d: its gradient is not deterministic on a GPU
     pool = [math.ceil(length / cells) for length, cells in zip(size, _GRID, strict=True)]

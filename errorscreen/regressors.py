@@ -17,7 +17,7 @@ from errorscreen.exceptions import InputError, MissingExtraError, check_integer,
 from errorscreen.features.checks import as_images, check_choice, check_stack
 from errorscreen.persistence import load_tensors, save_tensors
 
-_FORMAT, _VERSION = "errorscreen-cnn", 1
+_FORMAT, _VERSION = "errorscreen-cnn", 2
 # fitted values that are written to a file beside the weights and the target scale
 _FITTED = ("shape_in_", "n_features_in_", "n_outputs_", "nonnegative_", "_one_dimensional")
 _CURVES = ("loss_curve_", "validation_curve_")
@@ -26,7 +26,7 @@ _CURVES = ("loss_curve_", "validation_curve_")
 class CNNContributionRegressor(RegressorMixin, BaseEstimator):
     r"""Convolutional network from images to contributions, equations (17)–(21).
 
-    Three convolution layers, each with batch normalisation, ReLU and max pooling, and two fully connected
+    Three convolution layers, each with batch normalisation and ReLU, two of them with stride 2, and two fully connected
     layers; the output passes through Softplus, so contributions are positive. Trained with the Huber loss
     (20), (21) by AdamW. Needs ``pip install "errorscreen[cnn]"``.
 

@@ -60,14 +60,27 @@ def test_early_stopping_restores_the_weights_of_the_best_epoch():
     images, labels = blobs(3, n=60)
     labels = np.random.default_rng(0).permuted(labels, axis=0)  # nothing to learn, so validation soon worsens
     model = CNNContributionRegressor(
-        (8, 8, 8), 16, lr=1e-2, patience=4, validation_fraction=0.5, max_epochs=200, random_state=0
-    )
+        (8, 8, 8), 16, lr=1e-2, lr_schedule="constant", patience=4, validation_fraction=0.5, max_epochs=200,
+        random_state=0,
+    )  # fmt: skip
     model.fit(images, labels)
     epochs = len(model.validation_curve_)
     best = int(np.argmin(model.validation_curve_))
     assert best + 1 < epochs < 200
     short = clone(model).set_params(max_epochs=best + 1).fit(images, labels)
     np.testing.assert_array_equal(model.predict(images), short.predict(images))
+
+
+def test_the_step_size_falls_to_nothing_over_the_epochs():
+    images, labels = blobs(6, n=40)
+
+    model = CNNContributionRegressor((4, 4, 4), 8, patience=None, max_epochs=8, random_state=0).fit(
+        images, labels
+    )
+    rates = model.net_.history[:, "event_lr"]
+    np.testing.assert_allclose(rates, 3e-3 * (1 + np.cos(np.pi * np.arange(8) / 8)) / 2)
+    constant = CNNContributionRegressor(**TINY, lr_schedule="constant", random_state=0).fit(images, labels)
+    assert "event_lr" not in constant.net_.history[-1]
 
 
 def test_without_patience_all_epochs_run_on_all_samples():
@@ -164,10 +177,10 @@ def test_saving_keeps_column_names_and_drops_a_random_state_that_json_cannot_hol
 def test_files_that_do_not_fit_are_input_errors(tmp_path):
     images, labels = blobs(10, n=20)
     path = CNNContributionRegressor(**TINY, random_state=0).fit(images, labels).save(tmp_path / "a")
-    arrays, meta = load_tensors(path, format="errorscreen-cnn", version=1)
+    arrays, meta = load_tensors(path, format="errorscreen-cnn", version=2)
     meta["parameters"]["n_hidden"] = 9
-    save_tensors(tmp_path / "b", format="errorscreen-cnn", version=1, arrays=arrays, meta=meta)
-    save_tensors(tmp_path / "c", format="errorscreen-cnn", version=1, arrays=arrays, meta={})
+    save_tensors(tmp_path / "b", format="errorscreen-cnn", version=2, arrays=arrays, meta=meta)
+    save_tensors(tmp_path / "c", format="errorscreen-cnn", version=2, arrays=arrays, meta={})
     for name in "bc":
         with pytest.raises(InputError, match="the configuration does not fit the weights"):
             CNNContributionRegressor.load(tmp_path / name)
@@ -179,7 +192,7 @@ def test_files_that_do_not_fit_are_input_errors(tmp_path):
 
 
 def test_pickles_without_its_training_data():
-    images, labels = blobs(11, n=64)
+    images, labels = blobs(11, n=256)
     model = CNNContributionRegressor(**TINY, random_state=0).fit(images, labels)
     data = pickle.dumps(model)
     assert len(data) < images.astype(np.float32).nbytes / 2

@@ -1,7 +1,7 @@
 """Benchmarks of the command line."""
 
-from errorscreen.bench.paper import paper
+from errorscreen.bench.paper import paper_study
 from errorscreen.bench.paper_draw import Effort
 from errorscreen.bench.speed import measure_speed
 
-__all__ = ["Effort", "measure_speed", "paper"]
+__all__ = ["Effort", "measure_speed", "paper_study"]

@@ -26,7 +26,7 @@ from errorscreen.bench.paper_draw import (
     step_error,
 )
 from errorscreen.bench.paper_output import write_paper
-from errorscreen.bench.speed import machine
+from errorscreen.bench.timing import machine
 from errorscreen.cases import load_ieee39
 from errorscreen.checkpoint import Checkpoint, digest
 from errorscreen.exceptions import check_integer, check_real
@@ -44,11 +44,21 @@ FLOOR = 1.05
 #: resampled sets of draws for intervals, and their probability
 _BOOTSTRAP, _LEVEL = 2000, 0.95
 
+#: smaller images than the paper's 64 x 256 rank as well and leave time for more samples
+_NETWORK = {
+    "cwttransformer__n_frequencies": 32,
+    "cwttransformer__n_columns": 64,
+    "cwttransformer__n_jobs": -1,
+    "cnncontributionregressor__n_filters": (16, 32, 32),
+    "cnncontributionregressor__n_hidden": 256,
+    "cnncontributionregressor__batch_size": 64,
+}
+
 _Array = NDArray[np.float64]
 _Draw = dict[str, NDArray[Any]]
 
 
-def paper(
+def paper_study(
     out: str | Path,
     report: Callable[[str], None] = print,
     *,
@@ -88,7 +98,7 @@ def paper(
         ``methods.<name>`` for the rankings ``random``, ``sensitivity``, ``identifiability``, ``cnn``, ``map`` and
         ``oracle`` and for ``map_all``: ``overlap_at_10`` (mean share of the ten truly largest contributions) with its
         interval; ``fit`` and ``held_out``, for U and P the reduction of E, equation (23), against the
-        true response: ``median``, ``p10`` and their bootstrap intervals over draws, where every pair of draw and held-out
+        true response: ``median``, ``p10`` and their bootstrap intervals, where every pair of draw and held-out
         event counts once; ``fit_measured``, the reduction of E against the noisy recording;
         ``reaches_paper``, share of the draws that reach the paper's reductions of both; ``simulations`` and ``seconds``
         of ranking and calibration together, mean over draws. ``map`` and ``map_all`` have ``three_events`` as well.
@@ -179,7 +189,7 @@ def _read(
         ]
         noise = None if setting.noise_db is None else noise_of(dataset.baseline, event, setting.noise_db)
         pipeline = contribution_pipeline(event.dt, setting.seed).set_params(
-            cwttransformer__n_jobs=-1,
+            **_NETWORK,
             cnncontributionregressor__max_epochs=effort.epochs,
             cnncontributionregressor__verbose=progress,
         )

@@ -50,7 +50,7 @@ class Effort:
     """How much each method may spend; the defaults are those of the published table."""
 
     samples: int = 20000
-    epochs: int = 40
+    epochs: int = 20
     particles: int = 30
     iterations: int = 80
     starts: int = 8

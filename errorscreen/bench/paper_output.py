@@ -146,7 +146,7 @@ def _all_parameters(entry: dict[str, Any]) -> str:
     lines = [
         "All 40 by MAP:",
         "",
-        "| events | at the noise floor | χ²/N ≤ 1.05 | so at the truth | largest χ²/N | identifiable | coverage | longest |",
+        "| events | at the noise floor | χ²/N ≤ 1.05 | so at the truth | largest | identifiable | coverage | longest |",
         "|---|---|---|---|---|---|---|---|",
     ]
     for label, e in (("one", entry), ("three", entry["three_events"])):

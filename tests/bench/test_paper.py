@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from errorscreen.bench import Effort, paper
+from errorscreen.bench import Effort, paper_study
 from errorscreen.bench.paper import summarise
 from errorscreen.bench.paper_draw import CALIBRATED, FIT_EVENTS, RANKINGS, Setting, hidden, step_error
 from errorscreen.bench.paper_output import typical_draw
@@ -18,7 +18,7 @@ SMALL = Effort(samples=24, epochs=1, particles=6, iterations=2, starts=2, librar
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
     out = tmp_path_factory.mktemp("paper")
-    return out, paper(out, lambda line: None, draws=2, seed=4, noise_db=40.0, effort=SMALL)
+    return out, paper_study(out, lambda line: None, draws=2, seed=4, noise_db=40.0, effort=SMALL)
 
 
 def test_the_result_has_the_documented_form(finished):
@@ -56,13 +56,13 @@ def test_tables_and_figures_are_written(finished):
 
 
 def test_finished_draws_are_kept_and_more_can_follow(finished):
-    out, first = finished
+    out, _ = finished
     lines = []
-    again = paper(out, lines.append, draws=3, seed=4, noise_db=40.0, effort=SMALL)
+    again = paper_study(out, lines.append, draws=3, seed=4, noise_db=40.0, effort=SMALL)
     assert any("2 of them finished before" in line for line in lines)
     assert again["draws"] == 3
     with pytest.raises(InputError, match="belongs to another run"):
-        paper(out, lines.append, draws=2, seed=5, noise_db=40.0, effort=SMALL)
+        paper_study(out, lines.append, draws=2, seed=5, noise_db=40.0, effort=SMALL)
 
 
 def test_a_draw_depends_neither_on_the_others_nor_on_which_events_are_asked_for():
