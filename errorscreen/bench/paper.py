@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
+from sklearn.pipeline import Pipeline
 from tqdm import tqdm
 
 from errorscreen.bench.paper_draw import (
@@ -161,6 +162,13 @@ def paper_study(
     return result
 
 
+def study_pipeline(sampling_period: float, random_state: int, epochs: int) -> Pipeline:
+    """Images, scaling and network of the case study."""
+    return contribution_pipeline(sampling_period, random_state).set_params(
+        **_NETWORK, cnncontributionregressor__max_epochs=epochs
+    )
+
+
 def _read(
     setting: Setting,
     draws: int,
@@ -188,11 +196,8 @@ def _read(
             hidden(setting, i, step_errors, FIT_EVENTS[:1]).observations[event.name] for i in range(draws)
         ]
         noise = None if setting.noise_db is None else noise_of(dataset.baseline, event, setting.noise_db)
-        pipeline = contribution_pipeline(event.dt, setting.seed).set_params(
-            **_NETWORK,
-            cnncontributionregressor__max_epochs=effort.epochs,
-            cnncontributionregressor__verbose=progress,
-        )
+        pipeline = study_pipeline(event.dt, setting.seed, effort.epochs)
+        pipeline.set_params(cnncontributionregressor__verbose=progress)
         screener = ContributionScreener(pipeline, dataset.names, noise=noise, random_state=setting.seed)
         report("training")
         started = perf_counter()

@@ -148,6 +148,16 @@ class Ranked(NamedTuple):
     seconds: float
 
 
+class FullFit(NamedTuple):
+    """Fit of all parameters, and what it says about each of them."""
+
+    fit: MAPCalibrator
+    seconds: float
+    ranked: Ranked
+    chi2_truth: float
+    covered: NDArray[np.bool_]
+
+
 def run_draw(
     setting: Setting, draw: int, step_errors: dict[str, _Array], cnn: _Array
 ) -> dict[str, NDArray[Any]]:
@@ -174,30 +184,20 @@ def run_draw(
         ``seconds`` (fits, 2), of ranking and of calibration. The order is that of `RANKINGS`, `CALIBRATED` and
         `Setting.events`.
     """
-    simulator, effort = setting.simulator, setting.effort
+    simulator = setting.simulator
     found = hidden(setting, draw, step_errors, setting.events)
     one, three = ([found.observations[name] for name in FIT_EVENTS[:k]] for k in (1, 3))
     seeds = [int(s.generate_state(1)[0]) for s in setting.streams(draw, 3)[2].spawn(3)]
-    all_fits, attributions = [], []
-    for recordings in (one, three):
-        calibrator = MAPCalibrator(
-            simulator, n_starts=effort.starts, library_size=effort.library, random_state=seeds[0]
-        )
-        all_fits.append(_timed(calibrator, recordings))
-        attribution = AttributionScreener(
-            simulator, FrozenEstimator(calibrator), n_samples=effort.posterior, random_state=seeds[1]
-        )
-        seconds = all_fits[-1][1] + _timed(attribution, recordings)[1]
-        attributions.append(Ranked(attribution.contributions_, attribution.n_simulations_, seconds))
-
+    on_one, on_three = (_fit_all(setting, recordings, found.theta, seeds) for recordings in (one, three))
     label, label_three = (_label(simulator, found.theta, recordings) for recordings in (one, three))
     ranked = _rank(simulator, one, seeds[2]) | {
         "cnn": Ranked(cnn, 1, 0.0),
-        "map": attributions[0],
+        "map": on_one.ranked,
         "oracle": Ranked(label, 0, 0.0),
     }
     swarms = [_swarm(setting, ranked[name].contributions, one, seeds[2]) for name in RANKINGS]
-    fits = swarms + all_fits
+    full = (on_one, on_three)
+    fits = swarms + [(f.fit, f.seconds) for f in full]
     thetas = np.array([simulator.parameters.nominal] + [fit.theta_ for fit, _ in fits])
     errors = np.stack(
         [_errors(simulator, thetas, o, found.truths[name]) for name, o in found.observations.items()]
@@ -209,34 +209,45 @@ def run_draw(
         "label": label,
         "contributions": np.array([ranked[name].contributions for name in RANKINGS]),
         "overlap": np.array([top_k_overlap(label, ranked[name].contributions, TOP) for name in RANKINGS]),
-        "overlap_three": np.array(top_k_overlap(label_three, attributions[1].contributions, TOP)),
+        "overlap_three": np.array(top_k_overlap(label_three, on_three.ranked.contributions, TOP)),
         "calibrated": thetas[1:],
         "before": errors[:, 0],
         "errors": errors[:, 1:].swapaxes(0, 1),
         "measured_before": measured[0],
         "measured": measured[1:],
-        "chi2": np.array(
-            [
-                [
-                    fit.chi2_per_sample_,
-                    FitProblem(simulator, recordings).chi_square(found.theta)[0] / _n(recordings),
-                ]
-                for (fit, _), recordings in zip(all_fits, (one, three), strict=True)
-            ]
-        ),
-        "covered": np.array(
-            [
-                (fit.intervals_[:, 0] <= found.theta) & (found.theta <= fit.intervals_[:, 1])
-                for fit, _ in all_fits
-            ]
-        ),
-        "identifiable": np.array([fit.identifiable_ for fit, _ in all_fits]),
-        "starts": np.array([len(fit.starts_) for fit, _ in all_fits]),
+        "chi2": np.array([[f.fit.chi2_per_sample_, f.chi2_truth] for f in full]),
+        "covered": np.array([f.covered for f in full]),
+        "identifiable": np.array([f.fit.identifiable_ for f in full]),
+        "starts": np.array([len(f.fit.starts_) for f in full]),
         "simulations": np.array(
             [[c[0], fit.n_simulations_] for c, (fit, _) in zip(costs, fits, strict=True)]
         ),
         "seconds": np.array([[c[1], seconds] for c, (_, seconds) in zip(costs, fits, strict=True)]),
     }
+
+
+def _fit_all(setting: Setting, recordings: list[Observation], theta: _Array, seeds: list[int]) -> FullFit:
+    """Calibrate all parameters by MAP and attribute the error to them, with the truth `theta` beside it."""
+    simulator, effort = setting.simulator, setting.effort
+    calibrator = MAPCalibrator(
+        simulator, n_starts=effort.starts, library_size=effort.library, random_state=seeds[0]
+    )
+    fit, seconds = _timed(calibrator, recordings)
+    attribution, more = _timed(
+        AttributionScreener(
+            simulator, FrozenEstimator(fit), n_samples=effort.posterior, random_state=seeds[1]
+        ),
+        recordings,
+    )
+    problem = FitProblem(simulator, recordings)
+    low, high = fit.intervals_.T
+    return FullFit(
+        fit,
+        seconds,
+        Ranked(attribution.contributions_, attribution.n_simulations_, seconds + more),
+        float(problem.chi_square(theta)[0]) / problem.n_values,
+        (low <= theta) & (theta <= high),
+    )
 
 
 def _timed(estimator: Any, recordings: list[Observation]) -> tuple[Any, float]:
@@ -284,7 +295,3 @@ def _errors(
     event = observation.event
     responses = simulator.simulate(thetas, event).require_ok(f"a calibrated model, {event.name},")
     return response_error(responses.values, reference, quiet_level(reference, event.time, event.start))
-
-
-def _n(recordings: list[Observation]) -> int:
-    return int(sum(o.mask.sum() for o in recordings))

@@ -1,0 +1,78 @@
+"""Ranking quality of the network against the number of samples, on the 39-bus case: renews its table in the docs.
+
+``python benchmarks/learning_curve.py [OUT] [SAMPLES ...]``; the data set stays in OUT, so that a second call goes on.
+"""
+
+import sys
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+from sklearn.dummy import DummyRegressor
+from sklearn.pipeline import make_pipeline
+
+from errorscreen.bench.paper import study_pipeline
+from errorscreen.bench.paper_draw import FIT_EVENTS, TOP, noise_of
+from errorscreen.cases import ieee39_events, load_ieee39
+from errorscreen.features import ChannelScaler, CWTTransformer
+from errorscreen.generation import generate_dataset
+from errorscreen.metrics import top_k_overlap
+from errorscreen.persistence import write_text_atomic
+from errorscreen.regressors import CNNContributionRegressor
+from errorscreen.screening import ContributionScreener
+
+TABLE = Path(__file__).resolve().parents[1] / "docs" / "tables" / "learning_curve.md"
+SAMPLES, TEST, EPOCHS, NOISE_DB = (2500, 10000, 20000), 500, 20, 40.0
+SEED = 77
+
+
+def as_published(dt):
+    """The paper's form: energies alone, 64 x 256, one scale for each channel."""
+    return make_pipeline(
+        CWTTransformer(sampling_period=dt, precision=15, n_jobs=-1),
+        ChannelScaler(),
+        CNNContributionRegressor(max_epochs=EPOCHS, random_state=SEED),
+    )
+
+
+def main(out, sizes):
+    """Fit and judge one network for each size, without and with noise, and write the table."""
+    event = ieee39_events()[FIT_EVENTS[0]]
+    simulator = load_ieee39()
+    train, test = (
+        generate_dataset(
+            simulator, n, event, random_state=SEED + k, progress=True, checkpoint=out / f"{name}-{n}"
+        ).valid()
+        for k, (name, n) in enumerate((("train", max(sizes)), ("test", TEST)))
+    )
+    blind = DummyRegressor().fit(train.errors, train.contributions).predict(test.errors)
+    lines = [
+        "| samples | images | noise | overlap with the true ten | training in s |",
+        "|---|---|---|---|---|",
+        f"| | mean label, whatever the error | | {top_k_overlap(test.contributions, blind, TOP):.3f} | |",
+    ]
+    runs = [(sizes[0], "energies, 64 × 256 (the paper's)", as_published)]
+    runs += [
+        (n, "energies and coefficients, 32 × 64", lambda dt: study_pipeline(dt, SEED, EPOCHS)) for n in sizes
+    ]
+    for n, images, pipeline in runs:
+        for noise_db in (None, NOISE_DB):
+            noise = None if noise_db is None else noise_of(train.baseline, event, noise_db)
+            screener = ContributionScreener(pipeline(event.dt), noise=noise, random_state=SEED)
+            started = perf_counter()
+            screener.fit(train.errors[:n], train.contributions[:n])
+            seconds = perf_counter() - started
+            errors = test.errors
+            if noise is not None:
+                white = np.random.default_rng(SEED).standard_normal(errors.shape)
+                errors = errors + noise[:, None] * white
+            found = top_k_overlap(test.contributions, screener.predict(errors), TOP)
+            level = "none" if noise_db is None else f"{noise_db:g} dB"
+            lines.append(f"| {n} | {images} | {level} | {found:.3f} | {seconds:.0f} |")
+            print(lines[-1], flush=True)
+    return "\n".join(lines) + f"\n\n{len(test)} test samples, {EPOCHS} epochs at most.\n"
+
+
+if __name__ == "__main__":
+    folder = Path(sys.argv[1] if len(sys.argv) > 1 else "errorscreen-learning-curve")
+    write_text_atomic(TABLE, main(folder, [int(n) for n in sys.argv[2:]] or list(SAMPLES)))
