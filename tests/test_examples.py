@@ -16,6 +16,7 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 SAYS = {
     "plot_quickstart.py": "Values of the parameters reproduce the recording",
     "plot_grid_search.py": "overlap of the five largest",
+    "plot_ieee39_grid_search.py": "| mean contribution (blind) |",
     "plot_own_simulator.py": "Values of the parameters reproduce the recording",
     "plot_effect.py": "exciter.K",
     "plot_wavelet_image.py": "(2, 2, 64, 256)",
