@@ -22,6 +22,19 @@ DOCS = Path(__file__).parents[1]
 #: step in ms that others are compared with, and those that are compared
 FINE, STEPS = 0.25, (10.0, 5.0, 2.5, 1.0)
 CASE_STEPS = (0.5, 5.0, 2.5, 1.0)
+#: tables that take too long for a build of the documentation, and what renews them
+MEASURED = {
+    "speed": "errorscreen bench speed",
+    "paper": "errorscreen bench paper --draws 100 --noise-db 40",
+    "grid_search": "python benchmarks/grid_search.py",
+    "learning_curve": "python benchmarks/learning_curve.py",
+}
+PAPER_FIGURES = (
+    "Figure 1: wavelet energy of the response error, by channel",
+    "Figure 2: the system, its plants under test, the fault and what is observed",
+    "Figure 3: responses before and after calibration of the ten parameters that the network ranks first",
+    "Figure 4: responses before and after calibration of the ten parameters that the sensitivity ranks first",
+)
 PARAMETER_HEADER = ("name", "symbol", "unit", "typical", "bounds", "meaning")
 
 
@@ -37,7 +50,8 @@ def write_all(folder):
         "units.md": unit_table(),
         "status.md": status_table(),
         "result.md": result_table(),
-        "speed.md": speed_table(),
+        **{f"{name}.md": published(name, command) for name, command in MEASURED.items()},
+        "paper_figures.md": paper_figures(),
         "ieee39_effects.md": case_effects(),
         "ieee39_steps.md": case_step_errors(),
     }
@@ -173,7 +187,7 @@ def effect_table():
 def commands():
     """Help texts of the command line."""
     text = []
-    for words in ((), ("demo",), ("run",), ("bench", "speed")):
+    for words in ((), ("demo",), ("run",), ("bench", "speed"), ("bench", "paper")):
         output = io.StringIO()
         with contextlib.redirect_stdout(output), contextlib.suppress(SystemExit):
             main([*words, "--help"])
@@ -204,7 +218,14 @@ def result_table():
     return table(("key", "meaning"), rows)
 
 
-def speed_table():
-    """Published figures of `errorscreen bench speed`, where they have been measured."""
-    path = DOCS / "tables" / "speed.md"
-    return path.read_text(encoding="utf-8") if path.exists() else "```text\nerrorscreen bench speed\n```\n"
+def published(name, command):
+    """Table that a long measurement has left, or the command for it where it has not been run."""
+    path = DOCS / "tables" / f"{name}.md"
+    return path.read_text(encoding="utf-8") if path.exists() else f"```text\n{command}\n```\n"
+
+
+def paper_figures():
+    """Those figures of the case study that have been drawn."""
+    captions = {f"paper-figure{k}.png": caption for k, caption in enumerate(PAPER_FIGURES, start=1)}
+    there = [(file, caption) for file, caption in captions.items() if (DOCS / "images" / file).exists()]
+    return "\n".join(f"![{caption}](../images/{file})\n\n{caption}.\n" for file, caption in there)

@@ -47,7 +47,19 @@ _Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Effort:
-    """How much each method may spend; the defaults are those of the published table."""
+    """How much each method may spend; the defaults are those of the published table.
+
+    Parameters
+    ----------
+    samples, epochs : int
+        Simulated errors that the network learns from, and passes over them.
+    particles, iterations : int
+        Of the swarm.
+    starts, library : int
+        Of the fit of all parameters, see `MAPCalibrator`.
+    posterior : int
+        Samples of the attribution, see `AttributionScreener`.
+    """
 
     samples: int = 20000
     epochs: int = 20
