@@ -13,5 +13,5 @@ SAMPLES = "2500"
 if __name__ == "__main__":
     sys.argv = [str(EXAMPLE), SAMPLES]
     found = runpy.run_path(str(EXAMPLE))
-    note = f"{found['data']!r}, noise 40 dB, {found['epochs']} epochs, three folds.\n"
+    note = f"{len(found['data'])} samples, noise 40 dB, {found['epochs']} epochs, three folds.\n"
     write_text_atomic(ROOT / "docs" / "tables" / "grid_search.md", f"{found['table']}\n{note}")
