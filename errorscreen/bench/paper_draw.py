@@ -61,8 +61,8 @@ class Effort:
         Samples of the attribution, see `AttributionScreener`.
     """
 
-    samples: int = 20000
-    epochs: int = 20
+    samples: int = 10000
+    epochs: int = 15
     particles: int = 30
     iterations: int = 80
     starts: int = 8
