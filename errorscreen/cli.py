@@ -96,7 +96,7 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("case", metavar="CASE.toml", help="case file")
     run.set_defaults(command=_run, default_out=None, interrupted=resumable)
 
-    bench = commands.add_parser("bench", help="measure speed")
+    bench = commands.add_parser("bench", help="measure speed, or how well the methods work")
     kinds = bench.add_subparsers(required=True, metavar="KIND")
     speed = kinds.add_parser("speed", help="simulations, wavelet images and training per second")
     speed.add_argument("--no-cnn", action="store_true", help="leave out the epoch of the network")

@@ -104,7 +104,7 @@ def paper_study(
         ``reaches_paper``, share of the draws that reach the paper's reductions of both; ``simulations`` and ``seconds``
         of ranking and calibration together, mean over draws. ``map`` and ``map_all`` have ``three_events`` as well.
         ``map_all`` has ``noise_floor_share``, the share of draws whose χ² is at most 1.05 times that of the true
-        parameters, ``chi2_share``, that with χ²/N ≤ 1.05, ``chi2_share_of_truth``, the same at the true parameters, and
+        parameters, ``converged_share``, ``chi2_share``, that with χ²/N ≤ 1.05, ``chi2_share_of_truth``, the same at the true parameters, and
         ``coverage`` of the 90 % intervals of identifiable parameters.
 
     Raises
@@ -272,15 +272,18 @@ def _fit_quality(table: _Draw, which: int, resampled: NDArray[np.int64]) -> dict
     chi2, truth = table["chi2"][:, which].T
     identifiable, covered = table["identifiable"][:, which], table["covered"][:, which]
     hits, counts = (covered & identifiable).sum(axis=1), identifiable.sum(axis=1)
-    again = hits[resampled].sum(axis=1) / np.maximum(counts[resampled].sum(axis=1), 1)
+    with np.errstate(invalid="ignore"):  # NaN where not one parameter is identifiable
+        again = hits[resampled].sum(axis=1) / counts[resampled].sum(axis=1)
+        coverage = float(np.divide(hits.sum(), counts.sum()))
     return {
         "noise_floor_share": float(np.mean(chi2 <= FLOOR * truth)),
         "chi2_share": float(np.mean(chi2 <= FLOOR)),
         "chi2_share_of_truth": float(np.mean(truth <= FLOOR)),
         "chi2_median": float(np.median(chi2)),
         "chi2_largest": float(chi2.max()),
+        "converged_share": float(table["converged"][:, which].mean()),
         "identifiable": float(counts.mean()),
-        "coverage": float(hits.sum() / max(counts.sum(), 1)),
+        "coverage": coverage,
         "coverage_interval": _interval(again),
         "starts": float(table["starts"][:, which].mean()),
         "largest_seconds": float(table["seconds"][:, len(RANKINGS) + which].sum(axis=1).max()),
@@ -297,4 +300,4 @@ def _by_event(table: _Draw, names: list[str]) -> dict[str, Any]:
 
 
 def _interval(values: _Array) -> list[float]:
-    return [float(v) for v in np.quantile(values, [(1 - _LEVEL) / 2, (1 + _LEVEL) / 2])]
+    return [float(v) for v in np.nanquantile(values, [(1 - _LEVEL) / 2, (1 + _LEVEL) / 2])]

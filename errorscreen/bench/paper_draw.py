@@ -192,7 +192,7 @@ def run_draw(
         ``calibrated`` (fits, m); ``before`` (events, R) and ``errors`` (fits, events, R), equation (23) against the
         true response; ``measured_before`` (R,) and ``measured`` (fits, R), the same on the calibration event against
         the recording; ``chi2`` (2, 2), χ²/N of the fit of all parameters and at the truth, on one event and on
-        three; ``covered`` and ``identifiable`` (2, m) and ``starts`` (2,) of these two fits; ``simulations`` and
+        three; ``covered`` and ``identifiable`` (2, m), ``converged`` and ``starts`` (2,) of these two fits; ``simulations`` and
         ``seconds`` (fits, 2), of ranking and of calibration. The order is that of `RANKINGS`, `CALIBRATED` and
         `Setting.events`.
     """
@@ -230,6 +230,7 @@ def run_draw(
         "chi2": np.array([[f.fit.chi2_per_sample_, f.chi2_truth] for f in full]),
         "covered": np.array([f.covered for f in full]),
         "identifiable": np.array([f.fit.identifiable_ for f in full]),
+        "converged": np.array([f.fit.converged_ for f in full]),
         "starts": np.array([len(f.fit.starts_) for f in full]),
         "simulations": np.array(
             [[c[0], fit.n_simulations_] for c, (fit, _) in zip(costs, fits, strict=True)]

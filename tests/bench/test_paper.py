@@ -115,6 +115,7 @@ def test_the_summary_counts_what_it_says():
             [[[True, True]] * 2, [[True, False]] * 2, [[False, True]] * 2, [[True, True]] * 2]
         ),
         "identifiable": np.array([[[True, False]] * 2] * n),
+        "converged": np.array([[True, True], [True, False], [True, True], [True, True]]),
         "starts": np.full((n, 2), 2),
         "simulations": np.tile([10, 100], (n, len(CALIBRATED), 1)),
         "seconds": np.tile([0.5, 2.0], (n, len(CALIBRATED), 1)),
@@ -134,6 +135,8 @@ def test_the_summary_counts_what_it_says():
     assert everything["chi2_share"] == pytest.approx(0.5)
     assert everything["chi2_share_of_truth"] == pytest.approx(0.75)
     assert everything["coverage"] == pytest.approx(0.75)  # the second parameter is not identifiable
+    assert everything["converged_share"] == 1.0
+    assert everything["three_events"]["converged_share"] == pytest.approx(0.75)
     assert everything["three_events"]["chi2_largest"] == pytest.approx(1.2)
     assert methods["map"]["three_events"]["overlap_at_10"] == pytest.approx(0.9)
     assert typical_draw(table) in (1, 2)
