@@ -33,19 +33,17 @@ if TYPE_CHECKING:
 _ENDED = ("converged", "kink")
 #: starts that are followed together
 _AT_ONCE = 2
-#: probability that noise alone exceeds what a pair of equal minima may leave
+#: objectives that count as the same minimum: one standard deviation of one parameter changes them by 1
+_ALIKE = 2.0
+#: probability that noise alone exceeds what it is taken to explain
 _CHANCE = 0.01
 
 
-def _explained(pair: list[Track], n_values: int) -> bool:
-    """Whether what the minima of these starts leave is noise, see `MAPCalibrator`."""
-    ended = [track for track in pair if track.state in _ENDED]
-    left = [float(np.sum(track.residuals**2)) for track in ended]
-    if not left:
-        return False
-    alike = len(ended) == _AT_ONCE and np.ptp([track.cost for track in ended]) < 1.0
-    limit = max(chi2.isf(_CHANCE, n_values), n_values) if alike else n_values
-    return min(left) <= limit
+def _settled(tracks: list[Track], n_values: int) -> bool:
+    """Whether two starts agree on the lowest objective and noise explains what is left there."""
+    best = min(tracks, key=lambda track: track.cost)
+    agree = sum(track.cost < best.cost + _ALIKE for track in tracks)
+    return agree >= 2 and float(np.sum(best.residuals**2)) <= chi2.isf(_CHANCE, n_values)
 
 
 class MAPCalibrator(BaseCalibrator):
@@ -71,14 +69,13 @@ class MAPCalibrator(BaseCalibrator):
         hold whatever it is.
     n_starts : int, default 8
         Largest number of starts; the first is the nominal one. With 1 there is no library. They are followed two
-        at a time, and the others are left out once a pair has ended where noise explains what is left: χ² is not
-        above the number of measured values, or both ended alike and χ² is not above what noise exceeds in 1 % of
-        cases. No other minimum could then be better by more than chance.
+        at a time, and the others are left out as soon as two have ended at the lowest objective so far and noise
+        explains what is left there.
     library_size : int, default 2048
         Number of simulations, for each recording, from which the other starts are taken.
     max_iterations : int, default 50
-        For each pair of starts.
-    tol : float, default 1e-3
+        For each pair of starts; a start that has not ended goes on beside the next pair.
+    tol : float, default 1e-2
         A start has converged where no step inside the bounds promises to lower the objective by more than
         ``tol * max(1, χ²/N)``.
     step : float, default 1e-4
@@ -137,7 +134,7 @@ class MAPCalibrator(BaseCalibrator):
         n_starts: int = 8,
         library_size: int = 2048,
         max_iterations: int = 50,
-        tol: float = 1e-3,
+        tol: float = 1e-2,
         step: float = 1e-4,
         level: float = 0.9,
         random_state: Any = None,
@@ -184,7 +181,7 @@ class MAPCalibrator(BaseCalibrator):
                 search.begin(starts[first : first + _AT_ONCE])
                 if search.tracks:
                     self._follow(problem, search, max_iterations, history)
-                    if _explained(search.tracks[-_AT_ONCE:], problem.n_values):
+                    if _settled(search.tracks, problem.n_values):
                         break
             if not search.tracks:
                 raise problem.no_success()

@@ -31,10 +31,10 @@ def sample_truncated_normal(
 ) -> _Array:
     r"""Draw from :math:`N(\mu, P^{-1})` inside the box :math:`l \le x \le u`.
 
-    Gibbs sampling along the eigenvectors of the precision matrix: along each of them the density inside the box is a
-    normal distribution in one dimension cut off at both ends, which is drawn from exactly. Without the box the
-    directions are independent, so only the box couples them, and the chains mix within few sweeps however long and
-    thin the distribution is; along the axes they would not.
+    Gibbs sampling, in turn along the eigenvectors of the precision matrix and along the axes. Along each direction the
+    density inside the box is a normal distribution in one dimension cut off at both ends, which is drawn from exactly.
+    Without the box the eigenvectors are independent, so a long and thin distribution is crossed at once; in a corner
+    of the box they lead nowhere, and the axes lead out of it.
 
     Parameters
     ----------
@@ -70,36 +70,40 @@ def sample_truncated_normal(
     mean, lower, upper = (np.asarray(v, dtype=float) for v in (mean, lower, upper))
     if not (np.all(np.isfinite(lower) & np.isfinite(upper)) and np.all(lower < upper)):
         raise InputError("the bounds of a parameter are not finite or not in order", allowed="lower < upper")
-    variances, directions = np.linalg.eigh(np.asarray(precision, dtype=float))
+    P = np.asarray(precision, dtype=float)
+    if not (np.isfinite(mean).all() and np.isfinite(P).all() and P.shape == (len(mean), len(mean))):
+        raise InputError(
+            "the mean or the precision matrix is not finite, or they do not fit",
+            where="sample_truncated_normal", allowed="shapes (k,) and (k, k)",
+        )  # fmt: skip
+    variances, directions = np.linalg.eigh(P)
     if not variances[0] > 0:
         raise InputError("the precision matrix is not positive definite", where="sample_truncated_normal")
     n = check_integer(n, "n")
-    deviations = 1.0 / np.sqrt(variances)
     rng = generator(random_state)
     first = np.clip(mean if start is None else np.asarray(start, dtype=float), lower, upper)
     x = np.repeat(first[None], _CHAINS, axis=0)
+    moves = [(directions[:, i], 1.0 / np.sqrt(variances[i])) for i in range(len(mean))]
+    moves += [(axis, 1.0 / np.sqrt(P[j, j])) for j, axis in enumerate(np.eye(len(mean)))]
     samples: list[_Array] = []
     for sweep in range(_BURN_IN + _THINNING * (-(-n // _CHAINS))):
-        for i in rng.permutation(len(mean)):
-            x = _move(x, mean, directions[:, i], deviations[i], lower, upper, rng.random(_CHAINS))
+        for i in rng.permutation(len(moves)):
+            direction, deviation = moves[i]
+            x = _move(x, mean, P, direction, deviation, lower, upper, rng.random(_CHAINS))
         if sweep >= _BURN_IN and (sweep - _BURN_IN) % _THINNING == 0:
             samples.append(x)
     return np.concatenate(samples)[:n]
 
 
 def _move(
-    x: _Array,
-    mean: _Array,
-    direction: _Array,
-    deviation: float,
-    lower: _Array,
-    upper: _Array,
+    x: _Array, mean: _Array, P: _Array, direction: _Array, deviation: float, lower: _Array, upper: _Array,
     uniform: _Array,
-) -> _Array:
+) -> _Array:  # fmt: skip
     """New positions of all chains along one direction, drawn from the density there."""
     bounding = np.abs(direction) > _NEGLIGIBLE
     ends = np.stack([lower - x, upper - x])[:, :, bounding] / direction[bounding]
-    now = (x - mean) @ direction
+    # distance from the largest density along the direction, whose deviation is (d' P d)^(-1/2)
+    now = (x - mean) @ (P @ direction) * deviation**2
     low = (now + ends.min(axis=0).max(axis=1)) / deviation
     high = (now + ends.max(axis=0).min(axis=1)) / deviation
     new = deviation * _standard_normal_between(low, high, uniform)

@@ -10,9 +10,9 @@ from sklearn.base import clone
 from sklearn.utils.validation import check_is_fitted
 
 from errorscreen.calibration import MAPCalibrator
-from errorscreen.exceptions import SimulationError, check_integer
+from errorscreen.exceptions import InputError, SimulationError, check_integer
 from errorscreen.generation import batch_rows, local_sensitivity
-from errorscreen.metrics import ranking
+from errorscreen.metrics import channel_weights, ranking
 from errorscreen.observations import Observation
 from errorscreen.sampling import generator
 from errorscreen.screening.base import BaseScreener
@@ -52,13 +52,15 @@ class AttributionScreener(BaseScreener):
         Contributions of each parameter in each sample that could be simulated.
     calibrator_ : MAPCalibrator
         The fit.
-    n_simulations_ : int
-        Simulations of fit and samples.
+    n_simulations_, n_failed_ : int
+        Simulations of fit and samples; failed simulations of the fit, and samples that were left out because one of
+        theirs failed.
     """
 
     samples_: NDArray[np.float64]
     calibrator_: MAPCalibrator
     n_simulations_: int
+    n_failed_: int
 
     def __init__(
         self,
@@ -94,14 +96,17 @@ class AttributionScreener(BaseScreener):
         observations = as_observations(self.simulator, X)
         space = self.simulator.parameters
         n_samples = check_integer(self.n_samples, "n_samples")
+        channel_weights(self.weights, len(self.simulator.channels))
         for_fit, for_samples = generator(self.random_state).integers(2**31, size=2).tolist()
         default = MAPCalibrator(self.simulator, random_state=for_fit)
         self.calibrator_ = clone(default if self.calibrator is None else self.calibrator).fit(
             observations, None
         )
+        self._check_calibrator()
         theta = self.calibrator_.sample_posterior(n_samples, for_samples)
         labels = np.mean([self._labels(theta, observation) for observation in observations], axis=0)
         self.samples_ = labels[np.isfinite(labels).all(axis=1)]
+        self.n_failed_ = self.calibrator_.n_failed_ + len(labels) - len(self.samples_)
         if not len(self.samples_):
             raise SimulationError("no sample around the calibrated values could be simulated.")
         self.n_simulations_ = self.calibrator_.n_simulations_ + n_samples * (len(space) + 1) * len(
@@ -109,6 +114,16 @@ class AttributionScreener(BaseScreener):
         )
         self._store(self.samples_.mean(axis=0), space.names)
         return self
+
+    def _check_calibrator(self) -> None:
+        """Insist on a fit of all parameters of this simulator."""
+        names, own = tuple(self.calibrator_.names_), self.simulator.parameters.names
+        if names != own or self.calibrator_.simulator.parameters.names != own:
+            raise InputError(
+                f"the calibrator fitted {', '.join(names)}",
+                where="AttributionScreener",
+                allowed=f"a fit of all parameters of the simulator: {', '.join(own)}",
+            )
 
     def _labels(self, theta: NDArray[np.float64], observation: Observation) -> NDArray[np.float64]:
         """Equations (14) and (15) at each sample (n, m); NaN in rows that failed."""

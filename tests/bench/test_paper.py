@@ -39,7 +39,7 @@ def test_the_result_has_the_documented_form(finished):
 
 def test_all_parameters_together_explain_what_was_measured(finished):
     methods = finished[1]["methods"]
-    assert methods["map_all"]["noise_floor_share"] == 1.0
+    assert methods["map_all"]["search_share"] == 1.0
     assert methods["map_all"]["fit"]["P"]["p10"] > 0.99
     assert methods["map_all"]["three_events"]["held_out"]["P"]["median"] > 0.95
 
@@ -111,6 +111,9 @@ def test_the_summary_counts_what_it_says():
         "overlap": np.tile([[0.5], [0.7], [0.9], [0.3]], (1, len(RANKINGS))),
         "overlap_three": np.full(n, 0.9),
         "chi2": np.array([[[1.0, 1.0]] * 2, [[1.06, 1.02]] * 2, [[1.2, 1.0]] * 2, [[0.9, 1.1]] * 2]),
+        "objective": np.array(
+            [[[9.0, 10.0]] * 2, [[10.0, 10.0]] * 2, [[11.0, 10.0]] * 2, [[12.0, 10.0]] * 2]
+        ),
         "covered": np.array(
             [[[True, True]] * 2, [[True, False]] * 2, [[False, True]] * 2, [[True, True]] * 2]
         ),
@@ -131,9 +134,10 @@ def test_the_summary_counts_what_it_says():
     assert sensitivity["simulations"] == 110
     assert sensitivity["seconds"] == pytest.approx(2.5)
     everything = methods["map_all"]
-    assert everything["noise_floor_share"] == pytest.approx(0.75)
-    assert everything["chi2_share"] == pytest.approx(0.5)
-    assert everything["chi2_share_of_truth"] == pytest.approx(0.75)
+    assert everything["noise_floor_share"] == pytest.approx(0.5)
+    assert everything["noise_floor_share_of_truth"] == pytest.approx(0.75)
+    assert everything["search_share"] == pytest.approx(0.5)
+    assert everything["failed"] == 0
     assert everything["coverage"] == pytest.approx(0.75)  # the second parameter is not identifiable
     assert everything["converged_share"] == 1.0
     assert everything["three_events"]["converged_share"] == pytest.approx(0.75)
@@ -149,7 +153,9 @@ def test_the_summary_counts_what_it_says():
         (["--seed", "-1"], "seed"),
         (["--noise-db", "-3"], "noise_db"),
         (["--noise-db", "nan"], "noise_db"),
-        (["--samples", "0"], "samples"),
+        (["--samples", "1"], "samples"),
+        (["--seed", str(10**23)], "seed"),
+        (["--jobs", "0"], "jobs"),
     ],
 )
 def test_wrong_options_are_named(options, message, tmp_path, capsys):

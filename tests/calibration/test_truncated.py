@@ -40,6 +40,21 @@ def test_a_thin_distribution_across_the_box_is_crossed():
     np.testing.assert_allclose(np.quantile(x[:, 0], [0.1, 0.5, 0.9]), [-0.8, 0.0, 0.8], atol=0.08)
 
 
+@pytest.mark.parametrize("start", [np.ones(12), np.full(12, 0.5)])
+def test_a_corner_is_left_again(start):
+    # along the eigenvectors of a dense matrix there is no way out of a corner of the box
+    rng = np.random.default_rng(0)
+    A = rng.standard_normal((12, 12))
+    precision = A @ A.T + 0.1 * np.eye(12)
+    mean = np.full(12, 2.0)
+    x = sample_truncated_normal(mean, precision, np.zeros(12), np.ones(12), 4000, start=start, random_state=1)
+    other = sample_truncated_normal(
+        mean, precision, np.zeros(12), np.ones(12), 4000, start=np.full(12, 0.2), random_state=2
+    )
+    assert x.std(axis=0).min() > 0.01
+    np.testing.assert_allclose(x.mean(axis=0), other.mean(axis=0), atol=0.03)
+
+
 @settings(max_examples=25)
 @given(mean=st.floats(-30, 30), width=st.floats(0.01, 5), seed=st.integers(0, 2**16))
 def test_one_dimension_has_the_closed_form(mean, width, seed):
@@ -58,7 +73,14 @@ def test_same_seed_same_samples():
 
 
 @pytest.mark.parametrize(
-    ("precision", "upper"), [(-PRECISION, UPPER), (PRECISION, LOWER), (PRECISION, [np.inf, 1, 1])]
+    ("precision", "upper"),
+    [
+        (-PRECISION, UPPER),
+        (PRECISION, LOWER),
+        (PRECISION, [np.inf, 1, 1]),
+        (PRECISION[:2, :2], UPPER),
+        (np.nan * PRECISION, UPPER),
+    ],
 )
 def test_what_cannot_be_sampled_is_an_input_error(precision, upper):
     with pytest.raises(InputError):

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 from sklearn.exceptions import NotFittedError
+from sklearn.frozen import FrozenEstimator
 
 from errorscreen.calibration import MAPCalibrator
 from errorscreen.exceptions import InputError
@@ -49,6 +50,17 @@ def test_several_recordings_are_averaged_and_seeds_repeat():
     )
     assert np.array_equal(first.contributions_, second.contributions_)
     assert first.samples_.shape == (8, len(simulator.parameters))
+
+
+def test_a_fit_of_something_else_is_refused():
+    simulator = oscillator()
+    recording = simulator.record({"omega": 7.0}, 0.01, seed=0)
+    part = MAPCalibrator(simulator, ["omega"], n_starts=1).fit(recording)
+    with pytest.raises(InputError, match="the calibrator fitted omega"):
+        AttributionScreener(simulator, FrozenEstimator(part)).fit(recording)
+    whole = MAPCalibrator(simulator, n_starts=1).fit(recording)
+    found = AttributionScreener(simulator, FrozenEstimator(whole), n_samples=8, random_state=0).fit(recording)
+    assert found.calibrator_.theta_ is whole.theta_
 
 
 def test_bad_input():

@@ -38,14 +38,14 @@ def dataset(n, seed):
 
 def small_pipeline(max_epochs=30):
     return make_pipeline(
-        CWTTransformer(sampling_period=0.03, f_max=8, n_frequencies=24, n_columns=48, signed=True),
+        CWTTransformer(sampling_period=0.03, f_max=8, n_frequencies=24, n_columns=48, signed="compressed"),
         ChannelScaler(),
         CNNContributionRegressor(max_epochs=max_epochs, random_state=0),
     )
 
 
 TINY = make_pipeline(
-    CWTTransformer(n_frequencies=8, n_columns=16, signed=True),
+    CWTTransformer(n_frequencies=8, n_columns=16, signed="compressed"),
     ChannelScaler(),
     CNNContributionRegressor((8, 8, 8), 16, lr=3e-3, random_state=0),
 )
@@ -116,7 +116,7 @@ def test_grid_search_on_errors_of_a_simulated_plant():
     data = generate_dataset(simulator, 80, random_state=0)
     pipeline = make_pipeline(
         ResponseErrorTransformer(data.baseline),
-        CWTTransformer(sampling_period=1 / 60, n_frequencies=12, n_columns=24, signed=True),
+        CWTTransformer(sampling_period=1 / 60, n_frequencies=12, n_columns=24, signed="compressed"),
         ChannelScaler(),
         CNNContributionRegressor((8, 8, 8), 16, max_epochs=15, random_state=0),
     )
