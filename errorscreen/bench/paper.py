@@ -74,7 +74,7 @@ def paper_study(
 ) -> dict[str, Any]:
     """Run the case study, write result, tables and figures into ``out``, and return the result.
 
-    Each draw hides 40 parameters, uniform inside their bounds, in a simulation with a fifth of the step, and measures
+    Each draw hides 40 parameters, uniform inside their bounds, in a simulation with a tenth of the step, and measures
     all events. Rankings see the paper's event alone; the ten parameters that each of them puts first are calibrated on
     it by particle swarm, as in the paper. Beside it all 40 are calibrated by bounded least squares, on that event and
     on three. What is finished stays in ``out/stages``: the same call goes on from there.
