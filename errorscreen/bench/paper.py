@@ -67,7 +67,7 @@ def paper_study(
     *,
     draws: int = 100,
     seed: int = 0,
-    noise_db: float | None = 40.0,
+    noise_db: float | None = None,
     effort: Effort | None = None,
     n_jobs: int | None = None,
     progress: bool = False,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +23,7 @@ from errorscreen.calibration.intervals import (
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.calibration.search import BoundedSearch, Track
 from errorscreen.calibration.truncated import sample_truncated_normal
-from errorscreen.exceptions import check_integer, check_real
+from errorscreen.exceptions import DataWarning, check_integer, check_real
 from errorscreen.sampling import latin_hypercube
 from errorscreen.simulators.base import Simulator
 
@@ -173,6 +174,7 @@ class MAPCalibrator(BaseCalibrator):
         problem = FitProblem(self.simulator, X, self.names)
         max_iterations = check_integer(self.max_iterations, "max_iterations")
         check_real(self.level, "level", low=0.0, high=1.0, above=True)
+        vars(self).pop("intervals_", None)  # those of an earlier fit, if this one is interrupted
         search = self._search(problem)
         starts = self._starts(problem)
         history: list[tuple[float, int, int]] = []
@@ -207,8 +209,24 @@ class MAPCalibrator(BaseCalibrator):
         ndarray of shape (n, m)
             All parameters; those that were not calibrated are nominal.
 
+        Raises
+        ------
+        NotFittedError
+            If the fit was interrupted or has not been made.
+
+        Warns
+        -----
+        DataWarning
+            If the search did not end at a minimum, because the linear model there says little.
         """
         check_is_fitted(self, "intervals_")
+        if not self.converged_:
+            warnings.warn(
+                DataWarning(
+                    "The search did not end at a minimum: the samples show little of what the data leave open."
+                ),
+                stacklevel=2,
+            )
         space = self.simulator.parameters.subset(self.names_)
         lower, upper = ((space.bounds - space.nominal[:, None]) / space.scales[:, None]).T
         values = (np.array(list(self.values_.values())) - space.nominal) / space.scales

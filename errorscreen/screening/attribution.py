@@ -55,6 +55,17 @@ class AttributionScreener(BaseScreener):
     n_simulations_, n_failed_ : int
         Simulations of fit and samples; failed simulations of the fit, and samples that were left out because one of
         theirs failed.
+
+    Examples
+    --------
+    >>> from errorscreen.cases.demo import demo_recordings
+    >>> from errorscreen.simulators import PlantSimulator
+    >>> recording, _, _ = demo_recordings(random_state=0)
+    >>> plant = PlantSimulator("synchronous_machine", recording)
+    >>> calibrator = MAPCalibrator(plant, n_starts=1)
+    >>> screener = AttributionScreener(plant, calibrator, n_samples=16, random_state=0).fit(recording)
+    >>> float(screener.inclusion_probability(3).sum())
+    3.0
     """
 
     samples_: NDArray[np.float64]

@@ -40,6 +40,15 @@ class IdentifiabilityScreener(BaseScreener):
     ----------
     K. Z. Yao, B. M. Shaw, B. Kou, K. B. McAuley, D. W. Bacon: Modeling ethylene/butene copolymerization with
     multi-site catalysts: parameter estimability and experimental design. Polymer Reaction Engineering 11 (2003) 563.
+
+    Examples
+    --------
+    >>> from errorscreen.cases.demo import demo_recordings
+    >>> from errorscreen.simulators import PlantSimulator
+    >>> recording, _, _ = demo_recordings(random_state=0)
+    >>> screener = IdentifiabilityScreener(PlantSimulator("synchronous_machine", recording)).fit(recording)
+    >>> len(screener.select(3))
+    3
     """
 
     n_simulations_: int

@@ -4,7 +4,7 @@ from scipy.optimize import least_squares
 from scipy.stats import norm
 
 from errorscreen.calibration import MAPCalibrator
-from errorscreen.exceptions import InputError, SimulationError
+from errorscreen.exceptions import DataWarning, InputError, SimulationError
 from tests.toys import TIME, Pulse, linear, oscillator, product_oscillator, tone
 
 SIMULATOR = oscillator()
@@ -102,6 +102,8 @@ def test_samples_stay_inside_the_bounds_and_on_the_determined_product():
     samples = fitted.sample_posterior(500, random_state=0)
     lower, upper = simulator.parameters.bounds.T
     assert np.all((samples >= lower) & (samples <= upper))
+    product = samples[:, simulator.parameters.index("a")] * samples[:, simulator.parameters.index("b")]
+    assert product.std() < 0.25 * samples[:, simulator.parameters.index("a")].std()
     others = [simulator.parameters.index(name) for name in ("omega", "zeta")]
     assert np.all(samples[:, others] == simulator.parameters.nominal[others])
 
@@ -207,6 +209,8 @@ def test_iterations_that_do_not_suffice_are_reported():
     fitted = MAPCalibrator(SIMULATOR, n_starts=1, max_iterations=1).fit(RECORDINGS)
     assert not fitted.converged_
     assert fitted.starts_[0]["state"] == "active"
+    with pytest.warns(DataWarning, match="did not end at a minimum"):
+        fitted.sample_posterior(3, random_state=0)
     assert np.isfinite(fitted.intervals_).all()
 
 
