@@ -174,7 +174,8 @@ class MAPCalibrator(BaseCalibrator):
         problem = FitProblem(self.simulator, X, self.names)
         max_iterations = check_integer(self.max_iterations, "max_iterations")
         check_real(self.level, "level", low=0.0, high=1.0, above=True)
-        vars(self).pop("intervals_", None)  # those of an earlier fit, if this one is interrupted
+        if hasattr(self, "intervals_"):  # those of an earlier fit, if this one is interrupted
+            del self.intervals_
         search = self._search(problem)
         starts = self._starts(problem)
         history: list[tuple[float, int, int]] = []
