@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from time import perf_counter
@@ -15,7 +16,7 @@ from errorscreen.calibration import MAPCalibrator, PSOCalibrator
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.cases.ieee39 import ieee39_events, load_ieee39
 from errorscreen.events import GridEvent
-from errorscreen.exceptions import check_integer
+from errorscreen.exceptions import DataWarning, check_integer
 from errorscreen.generation import local_sensitivity
 from errorscreen.metrics import quiet_level, ranking, response_error, top_k_overlap
 from errorscreen.observations import Observation
@@ -255,12 +256,12 @@ def _fit_all(setting: Setting, recordings: list[Observation], theta: _Array, see
         simulator, n_starts=effort.starts, library_size=effort.library, random_state=seeds[0]
     )
     fit, seconds = _timed(calibrator, recordings)
-    attribution, more = _timed(
-        AttributionScreener(
-            simulator, FrozenEstimator(fit), n_samples=effort.posterior, random_state=seeds[1]
-        ),
-        recordings,
+    screener = AttributionScreener(
+        simulator, FrozenEstimator(fit), n_samples=effort.posterior, random_state=seeds[1]
     )
+    with warnings.catch_warnings():  # of fits that did not end, which the result counts
+        warnings.simplefilter("ignore", DataWarning)
+        attribution, more = _timed(screener, recordings)
     problem = FitProblem(simulator, recordings)
     chi2_truth = float(problem.chi_square(theta)[0])
     low, high = fit.intervals_.T
