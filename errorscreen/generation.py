@@ -20,7 +20,7 @@ from errorscreen.metrics import channel_weights
 from errorscreen.sampling import latin_hypercube
 from errorscreen.simulators.base import Simulator, Status
 
-__all__ = ["ErrorDataset", "Sensitivity", "generate_dataset", "local_sensitivity"]
+__all__ = ["ErrorDataset", "Sensitivity", "contribution_labels", "generate_dataset", "local_sensitivity"]
 
 _FIELDS = ("responses", "contributions", "status")
 #: Bytes that a batch may take: its responses, their changes and the squares of these, beside what the engine needs
@@ -119,7 +119,52 @@ def local_sensitivity(
     return Sensitivity(sensitivity, responses, status)
 
 
-def batch_rows(simulator: Simulator, event: Event, batch_size: int = 1024) -> int:
+def contribution_labels(
+    simulator: Simulator,
+    theta: ArrayLike,
+    event: Event | None = None,
+    *,
+    weights: ArrayLike | None = None,
+    mask: ArrayLike | None = None,
+) -> NDArray[np.float64]:
+    """Contributions of given samples, equations (12)–(15): deviation times local sensitivity.
+
+    Parameters
+    ----------
+    simulator, theta, event, weights, mask
+        As in `local_sensitivity`; any number of samples fits into memory.
+
+    Returns
+    -------
+    ndarray of shape (n, m)
+        NaN in rows that failed.
+
+    Raises
+    ------
+    InputError
+        If `weights` or the shape of `theta` cannot be used.
+
+    Examples
+    --------
+    At the nominal parameters nothing deviates:
+
+    >>> from errorscreen.cases.demo import demo_recordings
+    >>> from errorscreen.simulators import PlantSimulator
+    >>> plant = PlantSimulator("synchronous_machine", demo_recordings(random_state=0)[0])
+    >>> float(contribution_labels(plant, plant.parameters.nominal).max())
+    0.0
+    """
+    event = simulator.event if event is None else event
+    theta = simulator.parameters.validate(theta)
+    rows = _batch_rows(simulator, event)
+    blocks = [theta[start : start + rows] for start in range(0, len(theta), rows)]
+    found = [
+        local_sensitivity(simulator, block, event, weights=weights, mask=mask).values for block in blocks
+    ]
+    return np.asarray(simulator.parameters.deviation(theta) * np.concatenate(found))
+
+
+def _batch_rows(simulator: Simulator, event: Event, batch_size: int = 1024) -> int:
     """Return how many samples `local_sensitivity` should take at a time: about `batch_size` simulations, or 128 MB."""
     response_bytes = len(simulator.channels) * len(event.time) * np.dtype(float).itemsize
     simulations = min(batch_size, _BATCH_BYTES // (_COPIES * response_bytes))
@@ -193,7 +238,7 @@ def generate_dataset(
     theta = latin_hypercube(simulator.parameters, n_samples, random_state)
 
     # fixed by the arguments alone, so that n_jobs changes nothing
-    rows = batch_rows(simulator, event, batch_size)
+    rows = _batch_rows(simulator, event, batch_size)
     batches = [theta[start : start + rows] for start in range(0, len(theta), rows)]
     options = {"relative": bool(relative), "step": step, "weights": lambdas.tolist()}
     store = None

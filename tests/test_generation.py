@@ -8,7 +8,7 @@ from sklearn.model_selection import train_test_split
 from errorscreen import generation
 from errorscreen.datasets import ErrorDataset
 from errorscreen.exceptions import DataWarning, InputError, SimulationError
-from errorscreen.generation import generate_dataset, local_sensitivity
+from errorscreen.generation import contribution_labels, generate_dataset, local_sensitivity
 from errorscreen.metrics import top_k_overlap
 from errorscreen.simulators.base import Status
 from tests.plants import dip, plant
@@ -51,6 +51,14 @@ def test_labels_are_deviation_times_sensitivity_at_the_sample():
             norms = np.linalg.norm(change[1] - change[0], axis=1) * np.sqrt(simulator.event.dt)
             expected = abs(theta[j] - parameter.nominal) / parameter.scale * norms.mean() / step
             assert data.contributions[i, j] == pytest.approx(expected, rel=1e-9, abs=1e-12)
+
+
+def test_labels_of_given_samples_are_those_of_a_dataset(monkeypatch):
+    simulator = oscillator()
+    data = generate_dataset(simulator, 7, random_state=0)
+    np.testing.assert_array_equal(contribution_labels(simulator, data.theta), data.contributions)
+    monkeypatch.setattr(generation, "_BATCH_BYTES", 1)
+    np.testing.assert_array_equal(contribution_labels(simulator, data.theta), data.contributions)
 
 
 def test_a_parameter_without_effect_or_deviation_has_label_zero():

@@ -17,7 +17,7 @@ from errorscreen.calibration.problem import FitProblem
 from errorscreen.cases.ieee39 import ieee39_events, load_ieee39
 from errorscreen.events import GridEvent
 from errorscreen.exceptions import DataWarning, check_integer
-from errorscreen.generation import local_sensitivity
+from errorscreen.generation import contribution_labels
 from errorscreen.metrics import quiet_level, ranking, response_error, top_k_overlap
 from errorscreen.observations import Observation
 from errorscreen.sampling import latin_hypercube
@@ -210,7 +210,8 @@ def run_draw(
     one, three = ([found.observations[name] for name in FIT_EVENTS[:k]] for k in (1, 3))
     seeds = [int(s.generate_state(1)[0]) for s in setting.streams(draw, 3)[2].spawn(3)]
     on_one, on_three = (_fit_all(setting, recordings, found.theta, seeds) for recordings in (one, three))
-    label, label_three = (_label(simulator, found.theta, recordings) for recordings in (one, three))
+    labels = [contribution_labels(simulator, found.theta, o.event)[0] for o in three]
+    label, label_three = labels[0], np.mean(labels, axis=0)
     ranked = _rank(simulator, one, seeds[2]) | {
         "cnn": Ranked(cnn, 1, 0.0),
         "map": on_one.ranked,
@@ -265,17 +266,13 @@ def _fit_all(setting: Setting, recordings: list[Observation], theta: _Array, see
     problem = FitProblem(simulator, recordings)
     chi2_truth = float(problem.chi_square(theta)[0])
     low, high = fit.intervals_.T
-
-    def penalty(values: _Array) -> float:
-        space = simulator.parameters
-        return float(np.sum(((values - space.nominal) / (fit.prior_scale * space.scales)) ** 2))
-
+    prior_truth = float(np.sum((simulator.parameters.deviation(theta) / fit.prior_scale) ** 2))
     return FullFit(
         fit,
         seconds,
         Ranked(attribution.contributions_, attribution.n_simulations_, seconds + more),
         chi2_truth / problem.n_values,
-        (fit.chi2_ + penalty(fit.theta_), chi2_truth + penalty(theta)),
+        (min(start["objective"] for start in fit.starts_), chi2_truth + prior_truth),
         (low <= theta) & (theta <= high),
     )
 
@@ -310,12 +307,6 @@ def _swarm(
         setting.simulator, names, n_particles=particles, n_iterations=iterations, random_state=seed
     )
     return _timed(swarm, recordings)
-
-
-def _label(simulator: PowerSystemSimulator, theta: _Array, recordings: list[Observation]) -> _Array:
-    """True contributions, equations (14) and (15), mean over the events."""
-    sensitivity = [local_sensitivity(simulator, theta, o.event).values[0] for o in recordings]
-    return np.asarray(simulator.parameters.deviation(theta)[0] * np.mean(sensitivity, axis=0))
 
 
 def _errors(

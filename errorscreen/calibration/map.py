@@ -228,13 +228,12 @@ class MAPCalibrator(BaseCalibrator):
                 ),
                 stacklevel=2,
             )
-        space = self.simulator.parameters.subset(self.names_)
-        lower, upper = ((space.bounds - space.nominal[:, None]) / space.scales[:, None]).T
-        values = (np.array(list(self.values_.values())) - space.nominal) / space.scales
-        u = sample_truncated_normal(
-            self._mean, self._precision, lower, upper, n, start=values, random_state=random_state
+        mean, precision, lower, upper, u = self._posterior
+        samples = sample_truncated_normal(
+            mean, precision, lower, upper, n, start=u, random_state=random_state
         )
-        return self.simulator.parameters.embed(space.nominal + u * space.scales, self.names_)
+        space = self.simulator.parameters.subset(self.names_)
+        return self.simulator.parameters.embed(space.nominal + samples * space.scales, self.names_)
 
     def to_frame(self) -> pd.DataFrame:
         """Table of the calibrated parameters, one row each, indexed by name."""
@@ -274,10 +273,9 @@ class MAPCalibrator(BaseCalibrator):
 
     def _search(self, problem: FitProblem) -> BoundedSearch:
         """Search in u, the deviation from nominal in multiples of the scale."""
-        space = problem.space
-        lower, upper = ((space.bounds - space.nominal[:, None]) / space.scales[:, None]).T
+        lower, upper = problem.scaled_bounds
         return BoundedSearch(
-            lambda u: problem.residuals(space.nominal + u * space.scales),
+            lambda u: problem.residuals(problem.values(u)),
             lower,
             upper,
             prior=check_real(self.prior_scale, "prior_scale", low=0.0, above=True),
@@ -303,7 +301,7 @@ class MAPCalibrator(BaseCalibrator):
     ) -> None:
         """Take over the best values, also of a search that was interrupted."""
         best = search.best
-        self._store(problem, problem.space.nominal + best.u * problem.space.scales)
+        self._store(problem, problem.values(best.u))
         self.chi2_ = float(np.sum(best.residuals**2))
         self.chi2_per_sample_ = self.chi2_ / problem.n_values
         self.converged_ = best.state in _ENDED
@@ -319,7 +317,7 @@ class MAPCalibrator(BaseCalibrator):
         best, space = search.best, problem.space
         search.differentiate([best])
         assert best.jacobian is not None
-        values = space.nominal + best.u * space.scales
+        values = problem.values(best.u)
         determined = len(space) - np.trace(posterior_covariance(best.jacobian, self.prior_scale)) / (
             self.prior_scale**2
         )
@@ -328,10 +326,9 @@ class MAPCalibrator(BaseCalibrator):
         deviation = np.sqrt(np.diag(covariance))
         lower, upper = space.bounds.T
         width = (upper - lower) / space.scales
-        # of the linear model without bounds, around values that it holds for; `sample_posterior` adds the bounds
-        A = best.jacobian.T @ best.jacobian / self.inflation_ + np.eye(len(space)) / self.prior_scale**2
-        g = best.jacobian.T @ best.residuals / self.inflation_ + best.u / self.prior_scale**2
-        self._precision, self._mean = A, best.u - np.linalg.solve(A, g)
+        # the linear model without bounds; `sample_posterior` adds them
+        A, g = search.normal_equations(best, self.inflation_)
+        self._posterior = (best.u - np.linalg.solve(A, g), A, *problem.scaled_bounds, best.u)
         known = np.minimum(self.prior_scale, width / np.sqrt(12))  # a uniform law has width / sqrt(12)
         self.covariance_ = covariance * np.outer(space.scales, space.scales)
         self.correlation_ = correlation(covariance)

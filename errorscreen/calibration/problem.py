@@ -56,6 +56,15 @@ class FitProblem:
         lower, upper = self.space.bounds.T
         return self.simulator.parameters.embed(np.clip(values, lower, upper), self.names)
 
+    @property
+    def scaled_bounds(self) -> NDArray[np.float64]:
+        """Lower and upper bounds (2, k) of u, the deviation from nominal in multiples of the scale."""
+        return np.asarray((self.space.bounds.T - self.space.nominal) / self.space.scales)
+
+    def values(self, u: ArrayLike) -> NDArray[np.float64]:
+        """Values of the selected parameters for scaled deviations u, of the same shape."""
+        return np.asarray(self.space.nominal + np.asarray(u) * self.space.scales)
+
     def deviations(self, values: ArrayLike) -> list[NDArray[np.float64]]:
         """Simulated minus measured in multiples of the noise, for each recording (n, R, L).
 

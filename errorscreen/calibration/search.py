@@ -141,12 +141,15 @@ class BoundedSearch:
             slope = (values[0] - values[1]) / np.where(width > 0, width, 1.0)[:, None]
             track.jacobian = slope.T
 
-    def normal_equations(self, track: Track) -> tuple[_Array, _Array]:
-        """Half the Gauss-Newton Hessian (k, k) and half the gradient (k,) of the objective."""
+    def normal_equations(self, track: Track, inflation: float = 1.0) -> tuple[_Array, _Array]:
+        """Half the Gauss-Newton Hessian (k, k) and half the gradient (k,) of the objective.
+
+        With `inflation` those for residuals whose variance is so many times larger, see `noise_inflation`.
+        """
         assert track.jacobian is not None
         J = track.jacobian
-        A = J.T @ J + np.eye(len(track.u)) / self._prior**2
-        return A, J.T @ track.residuals + track.u / self._prior**2
+        A = J.T @ J / inflation + np.eye(len(track.u)) / self._prior**2
+        return A, J.T @ track.residuals / inflation + track.u / self._prior**2
 
     def _active(self) -> list[Track]:
         return [track for track in self.tracks if track.state == "active"]

@@ -11,9 +11,8 @@ from sklearn.utils.validation import check_is_fitted
 
 from errorscreen.calibration import MAPCalibrator
 from errorscreen.exceptions import InputError, SimulationError, check_integer
-from errorscreen.generation import batch_rows, local_sensitivity
+from errorscreen.generation import contribution_labels
 from errorscreen.metrics import channel_weights, ranking
-from errorscreen.observations import Observation
 from errorscreen.sampling import generator
 from errorscreen.screening.base import BaseScreener
 from errorscreen.simulators.base import Simulator
@@ -115,7 +114,13 @@ class AttributionScreener(BaseScreener):
         )
         self._check_calibrator()
         theta = self.calibrator_.sample_posterior(n_samples, for_samples)
-        labels = np.mean([self._labels(theta, observation) for observation in observations], axis=0)
+        labels = np.mean(
+            [
+                contribution_labels(self.simulator, theta, o.event, weights=self.weights, mask=o.mask)
+                for o in observations
+            ],
+            axis=0,
+        )
         self.samples_ = labels[np.isfinite(labels).all(axis=1)]
         self.n_failed_ = self.calibrator_.n_failed_ + len(labels) - len(self.samples_)
         if not len(self.samples_):
@@ -135,21 +140,6 @@ class AttributionScreener(BaseScreener):
                 where="AttributionScreener",
                 allowed=f"a fit of all parameters of the simulator: {', '.join(own)}",
             )
-
-    def _labels(self, theta: NDArray[np.float64], observation: Observation) -> NDArray[np.float64]:
-        """Equations (14) and (15) at each sample (n, m); NaN in rows that failed."""
-        rows = batch_rows(self.simulator, observation.event)
-        found = [
-            local_sensitivity(
-                self.simulator,
-                theta[start : start + rows],
-                observation.event,
-                weights=self.weights,
-                mask=observation.mask,
-            ).values
-            for start in range(0, len(theta), rows)
-        ]
-        return self.simulator.parameters.deviation(theta) * np.concatenate(found)
 
     def inclusion_probability(self, k: int) -> NDArray[np.float64]:
         """Share of the samples in which each parameter has one of the k largest contributions, shape (m,)."""

@@ -74,21 +74,24 @@ class IdentifiabilityScreener(BaseScreener):
             If the simulation at the nominal parameters fails.
         """
         problem = FitProblem(self.simulator, X)
-        space = problem.space
-        lower, upper = ((space.bounds - space.nominal[:, None]) / space.scales[:, None]).T
         step = check_real(self.step, "step", low=0.0, above=True)
+        m = len(problem.names)
+        # prior and tolerance only matter to a search that moves
         search = BoundedSearch(
-            lambda u: problem.residuals(space.nominal + u * space.scales),
-            lower, upper, prior=1.0, tol=1.0, step=step,
-        )  # fmt: skip
-        search.begin(np.zeros((1, len(space))))
+            lambda u: problem.residuals(problem.values(u)),
+            *problem.scaled_bounds,
+            prior=1.0,
+            tol=1.0,
+            step=step,
+        )
+        search.begin(np.zeros((1, m)))
         if not search.tracks:
             raise problem.no_success()
         search.differentiate(search.tracks)
         assert search.tracks[0].jacobian is not None
         R, order = qr(search.tracks[0].jacobian, mode="r", pivoting=True)
-        contributions = np.zeros(len(space))
-        diagonal = np.abs(np.diag(R[: len(space)]))
+        contributions = np.zeros(m)
+        diagonal = np.abs(np.diag(R[:m]))
         contributions[order[: len(diagonal)]] = diagonal
         self._store(contributions, problem.names)
         self.n_simulations_ = problem.n_simulations
