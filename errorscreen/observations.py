@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,6 +32,9 @@ class Observation:
         signal is not known between its samples; 0 where not given.
     level_std : ndarray of shape (R,), optional
         Standard error of the level before the event that the simulation starts from; 0 where not given.
+    modes : ndarray of shape (K, R, L), optional
+        Slow errors that the noise of injected signals makes behind the dynamics of the model: each mode times an
+        independent standard normal number adds to the errors. None where not given.
     """
 
     event: Event
@@ -41,6 +45,7 @@ class Observation:
     assumptions: tuple[str, ...] = ()
     extra: NDArray[np.float64] | None = None
     level_std: NDArray[np.float64] | None = None
+    modes: NDArray[np.float64] | None = None
 
     @property
     def sigma(self) -> NDArray[np.float64]:
@@ -52,11 +57,12 @@ class Observation:
         r"""Simulated minus measured in multiples of what is uncertain.
 
         A simulation starts from the mean of the quiet part, which is known to `level_std`, so all samples after the
-        start of the event share an unknown offset. The errors e are multiplied by the inverse square root of their
-        covariance :math:`\Sigma = \mathrm{diag}(\sigma^2) + s^2 \mathbf 1 \mathbf 1^T`, which has the closed form
+        start of the event share an unknown offset; `modes` are unknown slow errors. The errors e are multiplied by the
+        inverse square root of their covariance :math:`\Sigma = \mathrm{diag}(\sigma^2) + B B^T` with the offsets and
+        modes as columns of B, which has the closed form
 
-        .. math:: z = \frac{e}{\sigma} - \alpha\,\frac{u^T (e / \sigma)}{u^T u}\, u, \quad u = \frac1\sigma,
-           \quad \alpha = 1 - (1 + s^2 u^T u)^{-1/2}
+        .. math:: z = \frac{e}{\sigma} - U \Big(I - (I + S^2)^{-1/2}\Big) U^T \frac{e}{\sigma},
+           \quad \frac{B}{\sigma} = U S V^T
 
         so that the sum of squares of z is χ² and about the number of measured values for a right simulation.
 
@@ -78,15 +84,30 @@ class Observation:
         array([[0.   , 0.   , 0.577, 0.577]])
         """
         z = (np.asarray(responses, dtype=float) - self.values) / self.sigma
-        if self.level_std is None:
+        U, shrink = self._shared
+        if not len(shrink):
             return z
-        after = self.mask & (self.time >= self.event.start - 1e-9)
-        u = np.where(after, 1.0 / self.sigma, 0.0)
-        norm = np.maximum((u**2).sum(axis=-1), np.finfo(float).tiny)
-        alpha = 1.0 - 1.0 / np.sqrt(1.0 + np.asarray(self.level_std) ** 2 * norm)
         # a failed simulation stays NaN, a gap must not spread
-        along = (u * np.where(self.mask, z, 0.0)).sum(axis=-1) / norm
-        return z - (alpha * along)[..., None] * u
+        known = np.where(self.mask, z, 0.0)
+        along = known.reshape(*z.shape[:-2], -1) @ U
+        return z - ((along * shrink) @ U.T).reshape(z.shape)
+
+    @cached_property
+    def _shared(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Orthonormal directions (R L, K) of what samples share, and by how much errors along them are shrunk (K,)."""
+        columns = [] if self.modes is None else list(np.asarray(self.modes, dtype=float))
+        if self.level_std is not None:
+            after = self.time >= self.event.start - 1e-9
+            for r, std in enumerate(np.asarray(self.level_std, dtype=float)):
+                if std > 0:
+                    column = np.zeros(self.values.shape)
+                    column[r, after] = std
+                    columns.append(column)
+        if not columns:
+            return np.zeros((self.values.size, 0)), np.zeros(0)
+        B = np.array([np.where(self.mask, column / self.sigma, 0.0).ravel() for column in columns]).T
+        U, S, _ = np.linalg.svd(B, full_matrices=False)
+        return U, 1.0 - 1.0 / np.sqrt(1.0 + S**2)
 
     @property
     def time(self) -> NDArray[np.float64]:

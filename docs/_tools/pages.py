@@ -11,7 +11,7 @@ import numpy as np
 from errorscreen.bench.speed import dip_event
 from errorscreen.cases import case_reference, ieee39_events, load_ieee39
 from errorscreen.cli import main
-from errorscreen.effects import LIBRARY
+from errorscreen.effects import FAULT_DURATION, FAULT_IMPEDANCE, LIBRARY, branch_trip, measurement_effects
 from errorscreen.io.units import UNITS
 from errorscreen.power import DEVICES
 from errorscreen.sampling import latin_hypercube
@@ -166,9 +166,15 @@ def case_step_errors():
     return table(("event", "channel", "range", *header), rows)
 
 
+#: what effects that belong to no device act on
+_OF = {"measurement": "every simulator, for each of its channels", "event": "grids, for a fault"}
+
+
 def effect_table():
     """Effects of the library with the devices they fit."""
-    effects = {effect.name: effect for library in LIBRARY.values() for effect in library}
+    inside = [effect for library in LIBRARY.values() for effect in library if effect.kind != "latent"]
+    outside = (*measurement_effects(["P"]), FAULT_DURATION, FAULT_IMPEDANCE, branch_trip((3, 4)))
+    effects = {effect.name: effect for effect in (*inside, *outside)}
     text = []
     for effect in effects.values():
         devices = [
@@ -177,7 +183,7 @@ def effect_table():
         parameters = [parameter_cells(effect.local(p.name), p) for p in effect.parameters]
         text += [
             f"### `{effect.name}`: {effect.title}\n",
-            f"{effect.description} Acts on `{effect.port}` of {', '.join(devices)}. Easily confused with "
+            f"{effect.description} Acts on `{effect.port}` of {', '.join(devices) or _OF[effect.kind]}. Easily confused with "
             f"{'; '.join(effect.confused_with)}. Source: {effect.source}.\n",
             table(PARAMETER_HEADER, parameters),
         ]

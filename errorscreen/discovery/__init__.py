@@ -1,4 +1,4 @@
-"""What a simulation gets wrong, and whether its parameters can explain it."""
+"""What a simulation gets wrong, whether its parameters can explain it, and what it lacks."""
 
 from errorscreen.discovery.diagnosis import (
     ChannelFit,
@@ -10,14 +10,27 @@ from errorscreen.discovery.diagnosis import (
     noise_limit,
     stage_errors,
 )
+from errorscreen.discovery.finder import Cause, CauseFinder, Group
+from errorscreen.discovery.hypotheses import Hypothesis
+from errorscreen.discovery.latent import Place, rank_places
+from errorscreen.discovery.remainder import Cell, Remainder, remainder_test
 
 __all__ = [
+    "Cause",
+    "CauseFinder",
+    "Cell",
     "ChannelFit",
+    "Group",
+    "Hypothesis",
+    "Place",
+    "Remainder",
     "StageError",
     "Verdict",
     "channel_fits",
     "held_out_limit",
     "judge",
     "noise_limit",
+    "rank_places",
+    "remainder_test",
     "stage_errors",
 ]

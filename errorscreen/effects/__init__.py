@@ -1,16 +1,82 @@
 """Mechanisms that a model may lack."""
 
-from errorscreen.effects.base import Effect
+from errorscreen.effects.base import KINDS, Effect
+from errorscreen.effects.control_lag import ACTIVE_CURRENT_LAG, REACTIVE_CURRENT_LAG, REACTIVE_POWER_LAG
+from errorscreen.effects.current_priority import CURRENT_PRIORITY
+from errorscreen.effects.event_effects import FAULT_DURATION, FAULT_IMPEDANCE, branch_trip
+from errorscreen.effects.excitation_limiters import (
+    FIELD_CURRENT_LIMITER,
+    STATOR_CURRENT_LIMITER,
+    UNDER_EXCITATION_LIMITER,
+    VOLTS_PER_HERTZ_LIMITER,
+)
 from errorscreen.effects.exciter import EXCITER
-from errorscreen.effects.measurement_lag import measurement_lag
-
-_LAGS = (measurement_lag("P"), measurement_lag("Q"))
+from errorscreen.effects.forced_oscillation import forced_oscillation
+from errorscreen.effects.governor import GOVERNOR
+from errorscreen.effects.latent_input import latent_input
+from errorscreen.effects.measurement import measurement_effects
+from errorscreen.effects.ride_through import RIDE_THROUGH
+from errorscreen.effects.saturation import SATURATION
+from errorscreen.effects.stabiliser import STABILISER
+from errorscreen.effects.volt_var import VOLT_VAR
 
 #: effects that are compiled into each device, by name of the device
 LIBRARY: dict[str, tuple[Effect, ...]] = {
-    "synchronous_machine": (EXCITER, *_LAGS),
-    "dfig_plant": _LAGS,
-    "pv_plant": _LAGS,
+    "synchronous_machine": (
+        EXCITER,
+        STABILISER,
+        SATURATION,
+        FIELD_CURRENT_LIMITER,
+        STATOR_CURRENT_LIMITER,
+        UNDER_EXCITATION_LIMITER,
+        VOLTS_PER_HERTZ_LIMITER,
+        GOVERNOR,
+        forced_oscillation("Pm"),
+        latent_input("Efd", 4.0),
+        latent_input("Pm", 1.0),
+    ),
+    "dfig_plant": (
+        ACTIVE_CURRENT_LAG,
+        REACTIVE_POWER_LAG,
+        RIDE_THROUGH,
+        forced_oscillation("Pwi"),
+        latent_input("Ip_cmd", 1.0),
+        latent_input("Qcmd", 1.0),
+    ),
+    "pv_plant": (
+        ACTIVE_CURRENT_LAG,
+        REACTIVE_CURRENT_LAG,
+        CURRENT_PRIORITY,
+        VOLT_VAR,
+        RIDE_THROUGH,
+        forced_oscillation("Ip_cmd"),
+        latent_input("Ip_cmd", 1.0),
+        latent_input("Iq_cmd", 1.0),
+    ),
 }
 
-__all__ = ["EXCITER", "LIBRARY", "Effect", "measurement_lag"]
+__all__ = [
+    "ACTIVE_CURRENT_LAG",
+    "CURRENT_PRIORITY",
+    "EXCITER",
+    "FAULT_DURATION",
+    "FAULT_IMPEDANCE",
+    "FIELD_CURRENT_LIMITER",
+    "GOVERNOR",
+    "KINDS",
+    "LIBRARY",
+    "REACTIVE_CURRENT_LAG",
+    "REACTIVE_POWER_LAG",
+    "RIDE_THROUGH",
+    "SATURATION",
+    "STABILISER",
+    "STATOR_CURRENT_LIMITER",
+    "UNDER_EXCITATION_LIMITER",
+    "VOLTS_PER_HERTZ_LIMITER",
+    "VOLT_VAR",
+    "Effect",
+    "branch_trip",
+    "forced_oscillation",
+    "latent_input",
+    "measurement_effects",
+]

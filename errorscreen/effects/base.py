@@ -8,20 +8,60 @@ identity**, bit for bit, also beside simulations that use it.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen.engine.stages import Equations
+from errorscreen.exceptions import unknown_name
 from errorscreen.parameters import Parameter
 
 Values = dict[str, NDArray[np.float64]]
 
+#: what an effect is: part of the plant, of the measurement, of what happened in the grid, or an unknown signal
+KINDS = ("mechanism", "measurement", "event", "latent")
+#: scale of an effect's parameter in multiples of its range: a prior of 0.3 times that is nearly flat
+_SCALE = 2.0
+
 
 def nothing(values: Values, h: float) -> Values:
-    """Start every state and memory of an effect at zero."""
+    """Start every state of an effect at zero."""
     return {}
+
+
+def strength(
+    name: str,
+    typical: float,
+    upper: float,
+    unit: str,
+    of: str,
+    symbol: str,
+    description: str,
+    lower: float = 0.0,
+) -> Parameter:
+    """First parameter of an effect, which is the identity at 0; for the others see `value`.
+
+    Examples
+    --------
+    >>> strength("K", 100.0, 400.0, "pu", "exciter", "K", "gain").lower
+    0.0
+    """
+    return value(name, typical, lower, upper, unit, of, symbol, description)
+
+
+def value(
+    name: str, typical: float, lower: float, upper: float, unit: str, of: str, symbol: str, description: str
+) -> Parameter:
+    """Parameter of an effect. Nothing is known about it but its range, so its scale is wide.
+
+    Examples
+    --------
+    >>> value("TE", 0.1, 0.0, 1.5, "s", "exciter", "T_E", "time constant").scale
+    3.0
+    """
+    scale = _SCALE * (upper - lower)
+    return Parameter(name, typical, lower, upper, unit, of, symbol, description, scale=scale)
 
 
 @dataclass(frozen=True)
@@ -38,21 +78,26 @@ class Effect:
         The quantity it changes: a port of the device, or ``"channel." + name`` for a measured channel.
     equations : callable
         The first argument, ``value``, is the quantity at the port. The others are quantities of the device or the
-        effect's own states, memories, parameters and derived constants. Returns the new value, then the derivatives of
-        the states, or for a sampled effect the new memories.
+        effect's own states, parameters and derived constants. Returns the new value, then the derivatives of the
+        states. Of a measurement: ``equations(values, h, *parameters)`` returns the record (n, L) as it is measured,
+        from the record ``values`` (n, L) with the step `h` in seconds and parameters (n,). Of an event:
+        ``equations(event, *parameters)`` returns the event as it was, from the one that is simulated.
     parameters : tuple of Parameter
         The first is the strength: 0 is allowed and is the identity.
     states : tuple of str
         Integrated together with the device.
-    memories : tuple of str
-        Carried from step to step by a sampled effect.
     derived : tuple of str
         Constants that `initialise` computes from parameters and step.
-    sampled : bool
-        Evaluated once per step instead of at every Runge-Kutta stage.
     initialise : callable
-        ``initialise(values, h)`` returns start values of states and memories (zero where missing) and the derived
-        constants; `values` holds all of the device at its equilibrium and the effect's parameters.
+        ``initialise(values, h)`` returns start values of states (zero where missing) and the derived constants;
+        `values` holds all of the device at its equilibrium, the effect's parameters, and ``"t_event"`` and
+        ``"t_stop"``, the seconds from the beginning of the record to the event and to its end.
+    recorded : callable, optional
+        Of a measurement: ``recorded(value, *parameters)`` returns the true value before the event, from the recorded
+        one that a playback starts from.
+    kind : {"mechanism", "measurement", "event", "latent"}
+    device : str
+        Unit of a grid that it belongs to; empty in a plant, and for a measurement.
     description : str
         One paragraph for engineers.
     source : str
@@ -67,18 +112,44 @@ class Effect:
     equations: Equations
     parameters: tuple[Parameter, ...]
     states: tuple[str, ...] = ()
-    memories: tuple[str, ...] = ()
     derived: tuple[str, ...] = ()
-    sampled: bool = False
     initialise: Callable[[Values, float], Values] = nothing
+    recorded: Callable[..., NDArray[np.float64]] | None = None
+    kind: str = "mechanism"
+    device: str = ""
     description: str = ""
     source: str = ""
     confused_with: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise unknown_name(self.kind, KINDS, kind="kind of effect", where=f"effect {self.name!r}")
 
     @property
     def strength(self) -> Parameter:
         """The parameter that makes the effect an identity where it is zero."""
         return self.parameters[0]
+
+    @property
+    def channel(self) -> str:
+        """Measured channel that it acts on; empty for one that acts inside the model."""
+        return self.port.removeprefix("channel.") if self.kind == "measurement" else ""
+
+    @property
+    def place(self) -> str:
+        """Where it acts, for reports."""
+        return self.port if not self.device else f"{self.device}: {self.port}"
+
+    def at(self, device: str) -> Effect:
+        """The same effect at one unit of a grid.
+
+        Examples
+        --------
+        >>> from errorscreen.effects import GOVERNOR
+        >>> GOVERNOR.at("synchronous_machine").name
+        'synchronous_machine.governor'
+        """
+        return replace(self, name=f"{device}.{self.name}", device=device)
 
     def local(self, name: str) -> str:
         """Name of one of the effect's own quantities in the model's name space."""
@@ -87,4 +158,4 @@ class Effect:
     @property
     def own(self) -> tuple[str, ...]:
         """Names of all quantities that belong to the effect."""
-        return (*(p.name for p in self.parameters), *self.derived, *self.states, *self.memories)
+        return (*(p.name for p in self.parameters), *self.derived, *self.states)

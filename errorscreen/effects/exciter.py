@@ -19,9 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from errorscreen.effects.base import Effect, Values
+from errorscreen.effects.base import Effect, Values, strength, value
 from errorscreen.engine.vmath import clip, hold_at_limits
-from errorscreen.parameters import Parameter
 
 _E_MIN, _E_MAX = 0.0, 5.0
 
@@ -46,10 +45,10 @@ EXCITER = Effect(
     port="Efd",
     equations=sexs,
     parameters=(
-        Parameter("K", 100.0, 0.0, 400.0, "pu", "exciter", "K", "gain; 0 leaves the field voltage constant"),
-        Parameter("TA_TB", 0.1, 0.02, 1.0, "", "exciter", "T_A/T_B", "transient gain reduction"),
-        Parameter("TB", 10.0, 1.0, 20.0, "s", "exciter", "T_B", "lag time constant"),
-        Parameter("TE", 0.1, 0.02, 1.5, "s", "exciter", "T_E", "exciter time constant"),
+        strength("K", 100.0, 400.0, "pu", "exciter", "K", "gain; 0 leaves the field voltage constant"),
+        value("TA_TB", 0.1, 0.02, 1.0, "", "exciter", "T_A/T_B", "transient gain reduction"),
+        value("TB", 10.0, 1.0, 20.0, "s", "exciter", "T_B", "lag time constant"),
+        value("TE", 0.1, 0.02, 1.5, "s", "exciter", "T_E", "exciter time constant"),
     ),
     states=("x", "E"),
     derived=("V0",),

@@ -117,11 +117,19 @@ def active_power_control(ff: Any, apcFd: Any, fc: Any, fd: Any) -> Any:
     return (1.0 - (1.0 - apcFd) * clip((ff - fc) / (fd - fc), 0.0, 1.0),)
 
 
+@stage("release")
+def conditions(Ipmax: Any) -> Any:
+    """Nothing is blocked; effects act on it."""
+    return (0.0 * Ipmax + 1.0,)
+
+
 @stage("Ip_cmd")
-def active_current(V: Any, Vf: Any, Pord: Any, apc: Any, Pwi: Any, Ipmax: Any, zerox: Any, brkpt: Any) -> Any:
-    """Active-current command with low-voltage power logic, first part of (W10)."""
+def active_current(
+    V: Any, Vf: Any, Pord: Any, apc: Any, Pwi: Any, release: Any, Ipmax: Any, zerox: Any, brkpt: Any
+) -> Any:
+    """Active-current command with low-voltage power logic, first part of (W10), times the release, which is 1."""
     limit = Ipmax * clip((Vf - zerox) / (brkpt - zerox), 0.0, 1.0)
-    return (clip((apc * Pord + Pwi) / clip(V, _V_MIN, 10.0), 0.0, limit),)
+    return (release * clip((apc * Pord + Pwi) / clip(V, _V_MIN, 10.0), 0.0, limit),)
 
 
 @stage("d_Ip", "d_wr")
@@ -207,6 +215,7 @@ DFIG_PLANT = Device(
         torque_control,
         virtual_inertia,
         active_power_control,
+        conditions,
         active_current,
         converter_and_rotor,
     ),
@@ -215,6 +224,7 @@ DFIG_PLANT = Device(
         "Qcmd": "reactive-power command in pu",
         "Ip_cmd": "active-current command in pu",
         "Pwi": "power of the virtual inertia in pu",
+        "release": "share of the active current that is released, 0 to 1",
     },
     needs_angle=True,
     source="Clark, Miller, Sanchez-Gasca, Modeling of GE Wind Turbine-Generators for Grid Studies, v4.5, 2010",

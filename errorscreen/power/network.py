@@ -139,6 +139,15 @@ class Network:
         branches = (replace(b, in_service=False) if b is out else b for b in self.branches)
         return replace(self, branches=tuple(branches))
 
+    def with_branch_share(self, bus: int, other: int, share: float, circuit: str | None = None) -> Network:
+        """Leave only a share of a branch's admittance in service; with 0 it is open, see `with_line_out`."""
+        check_real(share, "the share of a branch", low=0, where="with_branch_share")
+        if share == 0:
+            return self.with_line_out(bus, other, circuit)
+        part = self.branch(bus, other, circuit)
+        less = replace(part, r=part.r / share, x=part.x / share, b=part.b * share)
+        return replace(self, branches=tuple(less if b is part else b for b in self.branches))
+
     def with_fault(self, bus: int, impedance: complex = 0.0) -> Network:
         """Connect a bus to ground through a symmetrical fault impedance in pu; 0 is a bolted fault, held exactly."""
         self.index(bus)

@@ -24,6 +24,8 @@ angle of a loop (T2), and power follows from current and voltage.
     \dot I_q = \big[(I_q^* - I_q)/T_g\big]_{\pm R_{Iq}}                                     & (PV11)\\
     C &= (I_p - jI_q)\,e^{j\vartheta}                                                    & (PV12)
 
+Both commands of (PV10) are multiplied by a release that is 1; effects change it, and the priority of the limit.
+
 (PV3) is a cubic transition over the band :math:`\Delta V_{LV}` below the threshold instead of a hard switch, so that
 the response is differentiable in all parameters. In (PV4) the power falls steeply towards the array's open-circuit
 voltage and slowly below the voltage of maximum power, where the array's current is nearly constant. Integrators do not
@@ -100,12 +102,25 @@ def ride_through(
     return Ip_LV, Iq_LV
 
 
+@stage("priority", "release")
+def conditions(Imax: Any) -> Any:
+    """Reactive current first, and nothing blocked; effects act on them."""
+    return 0.0 * Imax, 0.0 * Imax + 1.0
+
+
 @stage("Ip_cmd", "Iq_cmd")
-def current_limit(w: Any, Ip_n: Any, Iq_n: Any, Ip_LV: Any, Iq_LV: Any, Imax: Any) -> Any:
-    """Choice of mode and current limit with priority for the reactive current, (PV10)."""
-    Iq_cmd = clip((1.0 - w) * Iq_n + w * Iq_LV, -Imax, Imax)
-    left = np.sqrt(clip(Imax * Imax - Iq_cmd * Iq_cmd, 0.0, Imax * Imax))
-    return clip((1.0 - w) * Ip_n + w * Ip_LV, 0.0, left), Iq_cmd
+def current_limit(
+    w: Any, Ip_n: Any, Iq_n: Any, Ip_LV: Any, Iq_LV: Any, Imax: Any, priority: Any, release: Any
+) -> Any:
+    """Choice of mode and current limit, (PV10); its two forms by priority."""
+    Ip_u, Iq_u = (1.0 - w) * Ip_n + w * Ip_LV, (1.0 - w) * Iq_n + w * Iq_LV
+    Iq_first = clip(Iq_u, -Imax, Imax)
+    Ip_left = clip(Ip_u, 0.0, np.sqrt(clip(Imax * Imax - Iq_first * Iq_first, 0.0, Imax * Imax)))
+    Ip_first = clip(Ip_u, 0.0, Imax)
+    left = np.sqrt(clip(Imax * Imax - Ip_first * Ip_first, 0.0, Imax * Imax))
+    Ip_cmd = (1.0 - priority) * Ip_left + priority * Ip_first
+    Iq_cmd = (1.0 - priority) * Iq_first + priority * clip(Iq_u, -left, left)
+    return release * Ip_cmd, release * Iq_cmd
 
 
 @stage("d_Ip", "d_Iq")
@@ -160,12 +175,23 @@ PV_PLANT = Device(
     ),
     states=("Vf", "Qf", "W", "xdc", "xq", "Ip", "Iq"),
     setpoints=("P0", "Qref", "Ip0", "Iq0"),
-    stages=(terminal, measurement, dc_link, outer_loops, ride_through, current_limit, current_regulator),
+    stages=(
+        terminal,
+        measurement,
+        dc_link,
+        outer_loops,
+        ride_through,
+        conditions,
+        current_limit,
+        current_regulator,
+    ),
     initialise=initialise,
     ports={
         "Ip_cmd": "active-current command in pu",
         "Iq_cmd": "reactive-current command in pu",
         "w": "weight of the ride-through mode, 0 to 1",
+        "priority": "priority of the current limit, 0: reactive, 1: active current first",
+        "release": "share of the commands that is released, 0 to 1",
     },
     needs_angle=False,
     source="GB/T 32892-2016; WECC Solar Plant Dynamic Modeling Guidelines, 2014 (REGC_A)",

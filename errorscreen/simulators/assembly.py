@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
-from errorscreen.effects.base import Effect
-from errorscreen.engine.stages import Call, Equations, Model, reads_of, stage, writes_of
-from errorscreen.exceptions import InputError, unknown_name
+import numpy as np
+from numpy.typing import NDArray
+
+from errorscreen.effects.base import Effect, Values
+from errorscreen.engine.stages import Call, Model, reads_of, stage, writes_of
+from errorscreen.exceptions import unknown_name
 from errorscreen.power.device import Device
+
+#: kinds of effects that are compiled into a model
+INSIDE = ("mechanism", "latent")
 
 
 @stage("channel")
@@ -27,6 +33,7 @@ def assemble(device: Device, effects: Iterable[Effect]) -> Model:
     ----------
     device : Device
     effects : iterable of Effect
+        Those that act inside the device; measurements are not compiled, see `measured`.
 
     Returns
     -------
@@ -37,65 +44,116 @@ def assemble(device: Device, effects: Iterable[Effect]) -> Model:
     Raises
     ------
     InputError
-        If an effect acts on a port, or reads a quantity, that the device does not have, or acts on a measured
-        channel without being sampled.
+        If an effect acts on a port, or reads a quantity, that the device does not have.
     """
-    effects = tuple(effects)
+    effects = check_ports(device, effects)
     calls: list[Call] = []
-
-    def add(
-        function: Equations, reads: tuple[str, ...], writes: tuple[str, ...], each_step: bool = False
-    ) -> None:
-        calls.append(Call(function, reads, writes, each_step=each_step))
-        calls.extend(_effect_call(effect) for name in writes for effect in effects if effect.port == name)
-
     for function in device.stages:
-        add(function, reads_of(function), writes_of(function))
+        calls.append(Call(function, reads_of(function), writes_of(function)))
+        calls.extend(
+            effect_call(effect) for name in writes_of(function) for effect in effects if effect.port == name
+        )
     for name in device.outputs:
-        add(channel, (name,), (f"channel.{name}",), each_step=True)
-
-    ports = (*device.ports, *(f"channel.{name}" for name in device.outputs))
-    for effect in effects:
-        if effect.port not in ports:
-            raise unknown_name(
-                effect.port, ports, kind="port", where=f"effect {effect.name!r} on device {device.name!r}"
-            )
-        if effect.port.startswith("channel.") and not effect.sampled:
-            raise InputError(
-                f"it acts on the measured channel {effect.port!r}, which exists once a step, but is not sampled",
-                where=f"effect {effect.name!r}",
-                allowed="sampled=True for a channel",
-            )
+        calls.append(Call(channel, (name,), (f"channel.{name}",), each_step=True))
     constants = (*device.candidates.names, *(c.name for c in device.constants), *device.setpoints)
     return Model(
         name=device.name,
         inputs=device.inputs,
-        states=(*device.states, *(e.local(s) for e in effects for s in e.states)),
-        constants=(
-            *constants,
-            *(e.local(name) for e in effects for name in (*(p.name for p in e.parameters), *e.derived)),
-        ),
+        states=(*device.states, *effect_states(effects)),
+        constants=(*constants, *effect_constants(effects)),
         calls=tuple(calls),
         outputs=tuple(f"channel.{name}" for name in device.outputs),
-        memories=tuple(e.local(m) for e in effects for m in e.memories),
-        gated=tuple(
-            (e.local(e.strength.name), tuple(e.local(s) for s in e.states)) for e in effects if e.states
-        ),
+        gated=gates(effects),
     )
 
 
-def _effect_call(effect: Effect) -> Call:
-    """Bind the equations of an effect to the names of the model."""
+def check_ports(device: Device, effects: Iterable[Effect]) -> tuple[Effect, ...]:
+    """Effects that act inside a device; a port that it does not have raises `InputError`."""
+    inside = tuple(effect for effect in effects if effect.kind in INSIDE)
+    for effect in inside:
+        if effect.port not in device.ports:
+            where = f"effect {effect.name!r} on device {device.name!r}"
+            raise unknown_name(effect.port, device.ports, kind="port", where=where)
+    return inside
+
+
+def effect_call(effect: Effect, qualify: Callable[[str], str] = lambda name: name) -> Call:
+    """Bind the equations of an effect to the names of the model; `qualify` names a quantity of its device there."""
     own = set(effect.own)
     reads = tuple(
-        effect.port if name == "value" else effect.local(name) if name in own else name
+        qualify(effect.port) if name == "value" else effect.local(name) if name in own else qualify(name)
         for name in reads_of(effect.equations)
     )
-    written = (
-        [effect.local(m) for m in effect.memories]
-        if effect.sampled
-        else [f"d_{effect.local(s)}" for s in effect.states]
-    )
-    return Call(
-        effect.equations, reads, (effect.port, *written), effect.local(effect.strength.name), effect.sampled
-    )
+    written = [f"d_{effect.local(s)}" for s in effect.states]
+    return Call(effect.equations, reads, (qualify(effect.port), *written), effect.local(effect.strength.name))
+
+
+def effect_states(effects: Iterable[Effect]) -> tuple[str, ...]:
+    """Names of all states of effects in the model."""
+    return tuple(e.local(s) for e in effects for s in e.states)
+
+
+def effect_constants(effects: Iterable[Effect]) -> tuple[str, ...]:
+    """Names of all parameters and derived constants of effects in the model."""
+    return tuple(e.local(n) for e in effects for n in (*(p.name for p in e.parameters), *e.derived))
+
+
+def gates(effects: Iterable[Effect]) -> tuple[tuple[str, tuple[str, ...]], ...]:
+    """Strength of each effect, and the states that exist only while it is not zero."""
+    return tuple((e.local(e.strength.name), tuple(e.local(s) for s in e.states)) for e in effects if e.states)
+
+
+def switched_off(effects: Iterable[Effect], n: int) -> Values:
+    """Parameters of effects that are compiled in but off, each of shape (n,)."""
+    values = {e.local(p.name): np.full(n, p.nominal) for e in effects for p in e.parameters}
+    return values | {e.local(e.strength.name): np.zeros(n) for e in effects}
+
+
+def start_effects(
+    effects: Iterable[Effect], values: Values, own: Callable[[Effect], Values], h: float
+) -> Values:
+    """States and derived constants of effects at the beginning, by name in the model.
+
+    Parameters
+    ----------
+    effects : iterable of Effect
+    values : mapping of str to ndarray of shape (n,)
+        Parameters of the effects by their name in the model.
+    own : callable
+        Quantities of the device that an effect belongs to, at its equilibrium.
+    h : float
+        Step of the integration in seconds.
+    """
+    start: Values = {}
+    for effect in effects:
+        given = {p.name: values[effect.local(p.name)] for p in effect.parameters}
+        found = effect.initialise({**own(effect), **given}, h)
+        zero = np.zeros_like(given[effect.strength.name])
+        start |= {effect.local(n): found.get(n, 0.0) + zero for n in (*effect.derived, *effect.states)}
+    return start
+
+
+def measured(
+    out: NDArray[np.float64], channels: tuple[str, ...], effects: Iterable[Effect], values: Values, h: float
+) -> NDArray[np.float64]:
+    """Channels as they are measured: measurement effects in the order given.
+
+    Parameters
+    ----------
+    out : ndarray of shape (n, R, L)
+        Simulated channels with the step `h`.
+    channels : tuple of str
+    effects : iterable of Effect
+    values : mapping of str to ndarray of shape (n,)
+        Parameters of the effects by their name in the model.
+    h : float
+        Seconds.
+    """
+    out = out.copy()
+    for effect in effects:
+        if effect.channel in channels:
+            r = channels.index(effect.channel)
+            on = values[effect.local(effect.strength.name)] != 0
+            parameters = [values[effect.local(p.name)][on] for p in effect.parameters]
+            out[on, r] = effect.equations(out[on, r], h, *parameters)
+    return out

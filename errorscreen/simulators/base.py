@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import copy
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from errorscreen.effects.base import Effect
 from errorscreen.events import Event
-from errorscreen.exceptions import InputError, SimulationError
+from errorscreen.exceptions import InputError, SimulationError, unknown_name
 from errorscreen.observations import Observation
 from errorscreen.parameters import ParameterSpace
 
@@ -87,8 +88,10 @@ class Simulator(ABC):
         Names of the R observed channels.
     units : tuple of str
         Their units.
-    effects : tuple
+    effects : tuple of Effect
         Effects that could be added with `extend`.
+    extensions : tuple of Effect
+        Those that have been added.
     event : Event
         The event that `simulate` uses where none is given.
     """
@@ -96,7 +99,8 @@ class Simulator(ABC):
     parameters: ParameterSpace
     channels: tuple[str, ...]
     units: tuple[str, ...]
-    effects: tuple[Any, ...] = ()
+    effects: tuple[Effect, ...] = ()
+    extensions: tuple[Effect, ...] = ()
     event: Event
 
     @abstractmethod
@@ -107,15 +111,39 @@ class Simulator(ABC):
     def observe(self, recording: Any) -> Observation:
         """Bring a recording onto this simulator's channels, units and time grid."""
 
-    def extend(self, effect: Any, **options: Any) -> Simulator:
-        """Return a simulator that includes `effect`, whose parameters join `parameters`.
+    def extend(self, effect: Effect | str, **options: Any) -> Simulator:
+        """Add an effect of the library; its parameters join `parameters`, the strength first.
+
+        Parameters
+        ----------
+        effect : Effect or str
+            One of `effects`, or its name.
+        **options : mapping
+            Changes of a parameter's fields by its short name, for example ``K={"nominal": 50.0}``.
+
+        Returns
+        -------
+        Simulator
 
         Raises
         ------
         InputError
-            If this simulator has no port for it.
+            If the effect is unknown or has been added before.
         """
-        raise InputError(f"{type(self).__name__} has no ports, so {effect!r} cannot be added")
+        name = effect if isinstance(effect, str) else str(getattr(effect, "name", effect))
+        if not self.effects:
+            raise InputError(f"{type(self).__name__} has no ports, so {name!r} cannot be added")
+        library = {e.name: e for e in self.effects}
+        if name not in library:
+            raise unknown_name(name, library, kind="effect", where=repr(self))
+        if name in {e.name for e in self.extensions}:
+            raise InputError(f"the effect {name!r} has been added before", where=repr(self))
+        added = library[name]
+        space = ParameterSpace(added.parameters).replace(options)
+        extended = copy.copy(self)
+        extended.parameters = self.parameters.extend(replace(p, name=added.local(p.name)) for p in space)
+        extended.extensions = (*self.extensions, added)
+        return extended
 
     def with_nominal(self, theta: ArrayLike) -> Simulator:
         """Return this simulator with other nominal values, for example calibrated ones.

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from errorscreen.effects.base import Effect
 from errorscreen.engine.stages import Call, Equations, Model, reads_of, writes_of
 from errorscreen.exceptions import InputError
 from errorscreen.power import elimination, two_axis_fixed
 from errorscreen.power.device import Device, GridInterface
 from errorscreen.power.reduction import ReducedNetwork
+from errorscreen.simulators.assembly import effect_call, effect_constants, effect_states, gates
 
 #: quantities of the whole grid, which have no prefix
 _SHARED = ("f0",)
@@ -61,6 +64,8 @@ class GridModel:
         At most one of the kind ``"norton"`` and one of the kind ``"rotor"``.
     channels : mapping of str to int or (int, int)
         Observed quantities, as in `PowerSystemSimulator`.
+    effects : iterable of Effect
+        Compiled in, each at the device that it names.
     """
 
     def __init__(
@@ -68,7 +73,9 @@ class GridModel:
         machines: Iterable[int],
         devices: Iterable[Device],
         channels: dict[str, int | tuple[int, int]],
+        effects: Iterable[Effect] = (),
     ) -> None:
+        self.effects = tuple(effects)
         self.machines, self.devices, self.channels = tuple(machines), tuple(devices), channels
         self._calls: list[Call] = []
         self._machines = [machine_prefix(bus) for bus in self.machines]
@@ -92,11 +99,12 @@ class GridModel:
         return Model(
             name="grid",
             inputs=(),
-            states=tuple(states),
-            constants=tuple(dict.fromkeys((*_SHARED, *constants))),
+            states=(*states, *effect_states(self.effects)),
+            constants=tuple(dict.fromkeys((*_SHARED, *constants, *effect_constants(self.effects)))),
             calls=tuple(self._calls),
             outputs=tuple(f"channel.{name}" for name in self.channels),
             tables=self._table_names(),
+            gated=gates(self.effects),
         )
 
     def table(self, reduced: ReducedNetwork) -> NDArray[np.float64]:
@@ -140,6 +148,10 @@ class GridModel:
             (qualified(prefix, n) for n in reads_of(function)),
             (qualified(prefix, n) for n in writes_of(function)),
         )
+        for name in writes_of(function):
+            for effect in self.effects:
+                if (effect.device, effect.port) == (prefix, name):
+                    self._calls.append(effect_call(effect, partial(qualified, prefix)))
 
     def _sources(self) -> None:
         """What states determine before the grid is solved; J of machines and of current-controlled converters."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
@@ -10,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PchipInterpolator
+from scipy.ndimage import median_filter
 
-from errorscreen.effects import LIBRARY, Effect
+from errorscreen.effects import LIBRARY, Effect, measurement_effects
 from errorscreen.engine import Engine, ReferenceEngine
 from errorscreen.events import Event, Playback
 from errorscreen.exceptions import InputError, unknown_name
@@ -21,12 +21,16 @@ from errorscreen.power import DEVICES, Device
 from errorscreen.recordings import Recording
 from errorscreen.resampling import check_steps
 from errorscreen.signals import correlation_time, scatter
-from errorscreen.simulators.assembly import assemble
+from errorscreen.simulators.assembly import INSIDE, assemble, measured, start_effects, switched_off
 from errorscreen.simulators.base import Responses, Simulator, Status
-from errorscreen.simulators.playback import playback_observation
+from errorscreen.simulators.playback import input_noise, playback_observation
 
 #: a response beyond this is not a machine's or a converter's, in pu
 _PLAUSIBLE = 1e3
+#: seconds over which the noise of an injected signal is taken together, and the most such blocks in a record
+_BLOCK, _MOST_BLOCKS = 0.08, 96
+#: errors from injected noise that are kept: at least so many standard deviations of the noise as a whole, so many
+_MATTERS, _MOST_MODES = 0.3, 48
 
 
 class PlantSimulator(Simulator):
@@ -104,8 +108,9 @@ class PlantSimulator(Simulator):
         for name in self.parameters.names:
             device.candidates.index(name)
         self.constants = _with_frequency(device.constant_values(constants), recording, constants)
-        self.effects = tuple(LIBRARY.get(device.name, ()) if effects is None else effects)
-        self.extensions: tuple[Effect, ...] = ()
+        if effects is None:
+            effects = (*LIBRARY.get(device.name, ()), *measurement_effects(device.outputs))
+        self.effects = tuple(effects)
         self.step, self.dt = step, dt
         self.operating_point = dict(operating_point or {})
         self._last_input: tuple[Any, Any] = (None, None)
@@ -150,34 +155,7 @@ class PlantSimulator(Simulator):
             needs_angle=self.device.needs_angle,
             operating_point=self.operating_point,
         )
-        return self._with_uncertainty(observation, recording.quiet)
-
-    def extend(self, effect: Effect | str, **options: Any) -> PlantSimulator:
-        """Add an effect of the library; its parameters join `parameters`, the strength first.
-
-        Parameters
-        ----------
-        effect : Effect or str
-            One of `effects`, or its name.
-        **options : mapping
-            Changes of a parameter's fields by its short name, for example ``K={"nominal": 50.0}``.
-
-        Returns
-        -------
-        PlantSimulator
-        """
-        name = effect if isinstance(effect, str) else effect.name
-        library = {e.name: e for e in self.effects}
-        if name not in library:
-            raise unknown_name(name, library, kind="effect", where=repr(self))
-        if name in {e.name for e in self.extensions}:
-            raise InputError(f"the effect {name!r} has been added before", where=repr(self))
-        added = library[name]
-        space = ParameterSpace(added.parameters).replace(options)
-        extended = copy.copy(self)
-        extended.parameters = self.parameters.extend(replace(p, name=added.local(p.name)) for p in space)
-        extended.extensions = (*self.extensions, added)
-        return extended
+        return self._with_uncertainty(observation, recording)
 
     def settings(self) -> dict[str, Any]:
         """Device, constants, longest step and added effects; see `Simulator.settings`."""
@@ -213,19 +191,26 @@ class PlantSimulator(Simulator):
         values = self._values(theta, event)
         with np.errstate(all="ignore"):  # an absurd parameter shows in `feasible`
             states, setpoints, feasible = self.device.initialise(values)
-        x0, constants, memories = self._rows({**values, **states, **setpoints}, h)
+        values |= {**states, **setpoints}
+        values |= {name: np.full(len(theta), t - event.time[0]) for name, t in _instants(event).items()}
+        values |= start_effects(self._inside, values, lambda effect: values, h)
+        x0, constants = (
+            np.array([values[name] for name in names]).reshape(len(names), len(theta)).T
+            for names in (self._engine.model.states, self._engine.model.constants)
+        )
+        # a measurement sees every step, and not only the instants that are compared
+        distorted = any(effect.kind == "measurement" for effect in self.extensions)
+        record = 1 if distorted else every
         finite = np.isfinite(x0).all(axis=1) & np.isfinite(constants).all(axis=1)
         start = np.broadcast_to(feasible, finite.shape) & finite
-        out = np.full((len(theta), len(self.device.outputs), len(event.time)), np.nan)
+        steps = every * (len(event.time) - 1)
+        out = np.full((len(theta), len(self.device.outputs), steps // record + 1), np.nan)
         if start.any():
             out[start] = self._engine.integrate(
-                x0[start],
-                constants[start],
-                self._injected(event, every, interpolation),
-                h=h,
-                every=every,
-                memories=memories[start],
+                x0[start], constants[start], self._injected(event, every, interpolation), h=h, every=record
             )
+        if distorted:
+            out = measured(out, self.device.outputs, self.extensions, values, h)[..., ::every]
         with np.errstate(invalid="ignore"):
             well = (np.abs(out) < _PLAUSIBLE).all(axis=(1, 2))
         out[~well] = np.nan
@@ -244,7 +229,8 @@ class PlantSimulator(Simulator):
             self._last_input = key, last
         return last
 
-    def _with_uncertainty(self, observation: Observation, quiet: tuple[float, float]) -> Observation:
+    def _with_uncertainty(self, observation: Observation, recording: Recording) -> Observation:
+        quiet = recording.quiet
         event, nominal = observation.event, self.parameters.nominal
         assert isinstance(event, Playback)
         responses = self.simulate(nominal, event)
@@ -264,6 +250,9 @@ class PlantSimulator(Simulator):
             change = np.abs(other.values[0] - responses.values[0])
             usual = 3.0 * change[:, part].max(axis=1, initial=0.0)  # what noise alone makes of it
             extra = np.hypot(extra, np.where(np.isfinite(change) & (change > usual[:, None]), change, 0.0))
+        inputs = input_noise(recording, event)
+        passed = self._passed(event, responses.values[0], inputs)
+        extra = np.sqrt(extra**2 + np.maximum(passed - np.median(passed[:, part], axis=1)[:, None], 0.0))
         for name, sigma, more in zip(self.channels, noise, extra, strict=True):
             if more.max() > sigma:
                 notes.append(
@@ -275,34 +264,91 @@ class PlantSimulator(Simulator):
             noise=noise,
             extra=extra,
             level_std=noise * np.sqrt([correlation_time(e) / max(len(e), 1) for e in errors]),
+            modes=self._modes(event, responses.values[0], inputs, noise),
             assumptions=(*observation.assumptions, *notes),
         )
+
+    def _passed(
+        self,
+        event: Playback,
+        response: NDArray[np.float64],
+        inputs: Mapping[str, tuple[NDArray[np.float64], float]],
+    ) -> NDArray[np.float64]:
+        """Variance (R, L) of what the noise of the injected signals makes at once, at the nominal values.
+
+        A signal that is moved up and down from sample to sample leaves slow dynamics at rest, so that one simulation
+        shows at every sample how much of its noise passes through the device there.
+        """
+        alternating = np.where(np.arange(len(event.time)) % 2, -1.0, 1.0)
+        total = np.zeros(response.shape)
+        for name, (shape, sigma) in inputs.items():
+            size = sigma * shape[0]
+            signals = {**event.signals, name: event.signals[name] + size * alternating}
+            moved = self._run(self.parameters.nominal, replace(event, signals=signals)).values[0]
+            total += np.where(np.isfinite(moved), moved - response, 0.0) ** 2
+        # where the model itself jumps, the change is no noise
+        return np.asarray(median_filter(total, size=(1, 5)))
+
+    def _modes(
+        self,
+        event: Playback,
+        response: NDArray[np.float64],
+        inputs: Mapping[str, tuple[NDArray[np.float64], float]],
+        noise: NDArray[np.float64],
+    ) -> NDArray[np.float64]:
+        """Slow errors (K, R, L) that the noise of the injected signals makes behind the dynamics of the nominal model.
+
+        White noise over a block of samples acts on slow dynamics as their sum does, so each block is moved as a whole
+        by what its sum scatters, and what follows after the block is kept: what passes at once is white and part of
+        `noise`. Principal components that matter against the noise are returned.
+        """
+        length = len(event.time)
+        width = max(1, round(_BLOCK / event.dt), -(-length // _MOST_BLOCKS))
+        rows = []
+        for name, (shape, sigma) in inputs.items():
+            for first in range(0, length - 1, width):
+                block = np.zeros(length)
+                block[first : first + width] = 1.0
+                moved = np.convolve(block, shape)[:length] * sigma / np.sqrt(width)
+                signals = {**event.signals, name: event.signals[name] + moved}
+                change = self._run(
+                    self.parameters.nominal, replace(event, signals=signals), step=event.dt
+                ).values[0]
+                change = np.where(np.isfinite(change), change - response, 0.0)
+                change[:, : first + width + 2] = 0.0
+                rows.append(change)
+        if not rows:
+            return np.zeros((0, *response.shape))
+        scaled = (np.array(rows) / noise[:, None]).reshape(len(rows), -1)
+        _, S, Vt = np.linalg.svd(scaled, full_matrices=False)
+        keep = min(int((S > _MATTERS).sum()), _MOST_MODES)
+        modes = (S[:keep, None] * Vt[:keep]).reshape(keep, *response.shape)
+        return np.asarray(modes * noise[:, None])
 
     def _values(self, theta: NDArray[np.float64], event: Playback) -> dict[str, NDArray[np.float64]]:
         """All constants, parameters and the operating point by name, each of shape (n,)."""
         one = np.ones(len(theta))
         values = {p.name: p.nominal * one for p in self.device.candidates}
         values |= {name: value * one for name, value in self.constants.items()}
-        for effect in self.effects:  # compiled in, but off
-            values |= {effect.local(p.name): p.nominal * one for p in effect.parameters}
-            values[effect.local(effect.strength.name)] = 0.0 * one
+        values |= switched_off(self.effects, len(theta))
         values |= dict(zip(self.parameters.names, theta.T, strict=True))
         values |= {name: float(event.initial[name]) * one for name in ("V", "P", "Q")}
+        for effect in self.extensions:
+            if effect.recorded is not None:
+                own = [values[effect.local(p.name)] for p in effect.parameters]
+                values[effect.channel] = effect.recorded(values[effect.channel], *own)
         return values | {"angle": 0.0 * one}
 
-    def _rows(
-        self, values: dict[str, NDArray[np.float64]], h: float
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Initial states, constants and memories in the order of the model, each of shape (n, ...)."""
-        model = self._engine.model
-        one = np.ones(len(values["V"]))
-        for effect in self.effects:
-            own = {p.name: values[effect.local(p.name)] for p in effect.parameters}
-            own = effect.initialise({**values, **own}, h)
-            values |= {effect.local(name): own.get(name, 0.0) * one for name in effect.own if name not in
-                       {p.name for p in effect.parameters}}  # fmt: skip
-        names = (model.states, model.constants, model.memories)
-        return tuple(np.array([values[n] for n in group]).reshape(len(group), len(one)).T for group in names)  # type: ignore[return-value]
+    @property
+    def _inside(self) -> tuple[Effect, ...]:
+        """Effects that are compiled in."""
+        return tuple(effect for effect in self.effects if effect.kind in INSIDE)
+
+
+def _instants(event: Playback) -> dict[str, float]:
+    """When the event begins and the record ends, in seconds, for effects that depend on time."""
+    # an event without a disturbance before its end still leaves a latent input a window of one sample
+    return {"t_event": min(event.start, event.time[-1] - event.dt), "t_stop": event.time[-1]}
 
 
 def _with_frequency(

@@ -108,6 +108,25 @@ def playback_observation(
     return Observation(event, values, noise, channels, ("pu",) * len(channels), tuple(notes))
 
 
+def input_noise(recording: Recording, event: Playback) -> dict[str, tuple[NDArray[np.float64], float]]:
+    """Noise of each injected signal.
+
+    Returns
+    -------
+    dict of str to (ndarray, float)
+        For each signal of the event what the noise of one sample adds to it from that sample on (a single value, or a
+        step where the angle is the integral of the frequency), and its standard deviation.
+    """
+    channels = recording.channels
+    found = {"V": (np.ones(1), float(channels["V"].noise))}
+    if "angle" in event.signals:
+        if "angle" in channels:
+            found["angle"] = (np.ones(1), float(channels["angle"].noise))
+        else:
+            found["angle"] = (np.full(len(event.time), 2 * np.pi * event.dt), float(channels["f"].noise))
+    return found
+
+
 def _warn_implausible(P: float, Q: float, where: str) -> list[str]:
     """Sentences, also warned of, on an operating point that a generator rarely has but a wrong column often."""
     notes = []

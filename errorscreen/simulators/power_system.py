@@ -9,8 +9,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from errorscreen.effects import (
+    FAULT_DURATION,
+    FAULT_IMPEDANCE,
+    LIBRARY,
+    Effect,
+    branch_trip,
+    measurement_effects,
+)
 from errorscreen.engine import Engine, ReferenceEngine
-from errorscreen.events import Event, GridEvent
+from errorscreen.events import BusFault, Event, GridEvent
 from errorscreen.exceptions import InputError, check_real, unknown_name
 from errorscreen.observations import Observation
 from errorscreen.parameters import ParameterSpace
@@ -19,6 +27,7 @@ from errorscreen.power.load_flow import LoadFlow, solve_load_flow
 from errorscreen.power.network import Network
 from errorscreen.power.reduction import ReducedNetwork, reduce_network
 from errorscreen.recordings import Recording
+from errorscreen.simulators.assembly import INSIDE, check_ports, measured, start_effects, switched_off
 from errorscreen.simulators.base import Responses, Simulator, Status
 from errorscreen.simulators.grid_assembly import GridModel, machine_prefix, qualified
 from errorscreen.simulators.grid_unit import Unit
@@ -55,6 +64,9 @@ class PowerSystemSimulator(Simulator):
     step : float
         Longest step of the integration in seconds; the step used divides that of the time axis of an event, and
         instants at which the grid changes must be multiples of it.
+    effects : iterable of Effect, optional
+        What could be added with `extend`; effects inside a unit name it as their device (`Effect.at`). The library of
+        each unit, measurement effects of the channels, and what may have been different in the event where not given.
     n_threads : int, optional
         Threads of the engine; the result does not depend on it.
     engine : {"compiled", "numpy"}
@@ -93,6 +105,7 @@ class PowerSystemSimulator(Simulator):
         parameters: ParameterSpace | None = None,
         f0: float = 60.0,
         step: float = 0.0025,
+        effects: Iterable[Effect] | None = None,
         n_threads: int | None = None,
         engine: str = "compiled",
     ) -> None:
@@ -111,17 +124,24 @@ class PowerSystemSimulator(Simulator):
             candidates.index(name)
         self.channels = tuple(self.observed)
         self.units = ("pu",) * len(self.channels)
-        self._grid = GridModel(
-            (m.bus for m in self.machines), (u.model for u in self.units_under_test), self.observed
-        )
+        self.effects = tuple(self._library() if effects is None else effects)
+        devices = {u.model.name: u.model for u in self.units_under_test}
+        inside = tuple(e for e in self.effects if e.kind in INSIDE)
+        for effect in inside:
+            if effect.device not in devices:
+                raise unknown_name(effect.device, devices, kind="device", where=f"effect {effect.name!r}")
+            check_ports(devices[effect.device], [effect])
+        self._inside = inside
+        self._grid = GridModel((m.bus for m in self.machines), devices.values(), self.observed, inside)
         self._engine = engines[engine](self._grid.model(), n_threads)
         self._reduced(self._flow(event), self.network)  # an unknown bus or branch shows here
 
     def __repr__(self) -> str:
         return (
             f"PowerSystemSimulator({len(self.network.buses)} buses, {len(self.machines)} machines, "
-            f"{', '.join(u.model.name for u in self.units_under_test) or 'no unit'}, "
-            f"{len(self.parameters)} parameters)"
+            f"{', '.join(u.model.name for u in self.units_under_test) or 'no unit'}"
+            + "".join(f" + {effect.name}" for effect in self.extensions)
+            + f", {len(self.parameters)} parameters)"
         )
 
     def settings(self) -> dict[str, Any]:
@@ -133,6 +153,7 @@ class PowerSystemSimulator(Simulator):
             "channels": {name: repr(where) for name, where in self.observed.items()},
             "f0": self.f0,
             "step": self.step,
+            "extensions": [effect.name for effect in self.extensions],
         }
 
     def simulate(self, theta: ArrayLike, event: Event | None = None) -> Responses:
@@ -157,22 +178,48 @@ class PowerSystemSimulator(Simulator):
                 allowed="BusFault, LineTrip, LoadStep, GridEvent",
             )
         theta = self.parameters.validate(theta)
+        altering = [e for e in self.extensions if e.kind == "event"]
+        if not altering:
+            return self._run(theta, event, event)
+        # rows that share what happened are simulated together
+        names = [e.local(p.name) for e in altering for p in e.parameters]
+        columns = theta[:, [self.parameters.index(name) for name in names]]
+        kinds, which = np.unique(columns, axis=0, return_inverse=True)
+        values = np.full((len(theta), len(self.channels), len(event.time)), np.nan)
+        status = np.zeros(len(theta), dtype=np.int64)
+        for number, row in enumerate(kinds):
+            own = dict(zip(names, row.tolist(), strict=True))
+            happened: Any = event
+            for effect in altering:
+                happened = effect.equations(happened, *(own[effect.local(p.name)] for p in effect.parameters))
+            rows = which.ravel() == number
+            part = self._run(theta[rows], event, happened)
+            values[rows], status[rows] = part.values, part.status
+        return Responses(values, status, event.time, self.channels)
+
+    def _run(self, theta: NDArray[np.float64], event: GridEvent, happened: GridEvent) -> Responses:
+        """Simulate rows to which the same happened, which may differ from the event on record."""
         every = max(1, int(np.ceil(event.dt / self.step - 1e-9)))
-        steps = every * (len(event.time) - 1)
+        h, steps = event.dt / every, every * (len(event.time) - 1)
         flow = self._flow(event)
-        tables, segment = self._segments(event, flow, event.dt / every, steps)
-        values, feasible = self._start(theta, flow)
+        tables, segment = self._segments(happened, flow, h, steps, exact=happened is event)
+        values, feasible = self._start(theta, flow, event, h)
         x0, constants = (
             np.array([values[name] for name in names]).reshape(len(names), len(theta)).T
             for names in (self._engine.model.states, self._engine.model.constants)
         )
         start = feasible & np.isfinite(x0).all(axis=1) & np.isfinite(constants).all(axis=1)
-        out = np.full((len(theta), len(self.channels), len(event.time)), np.nan)
+        # a measurement sees every step, and not only the instants that are compared
+        distorted = any(effect.kind == "measurement" for effect in self.extensions)
+        record = 1 if distorted else every
+        out = np.full((len(theta), len(self.channels), steps // record + 1), np.nan)
         if start.any():
             out[start] = self._engine.integrate(
                 x0[start], constants[start], np.zeros((2 * steps + 1, 0)),
-                h=event.dt / every, every=every, tables=tables, segment=segment,
+                h=h, every=record, tables=tables, segment=segment,
             )  # fmt: skip
+        if distorted:
+            out = measured(out, self.channels, self.extensions, values, h)[..., ::every]
         with np.errstate(invalid="ignore"):
             well = (np.abs(out) < _PLAUSIBLE).all(axis=(1, 2))
         out[~well] = np.nan
@@ -255,23 +302,35 @@ class PowerSystemSimulator(Simulator):
         return solve_load_flow(network)
 
     def _segments(
-        self, event: GridEvent, flow: LoadFlow, h: float, steps: int
+        self, event: GridEvent, flow: LoadFlow, h: float, steps: int, *, exact: bool
     ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Tables of each state of the grid, and which holds in each step."""
+        """Tables of each state of the grid, and which holds in each step.
+
+        Where instants need not be exact, the step in which the grid changes has the mean of both tables, weighted by
+        time: an instant that is estimated must act smoothly.
+        """
         segment = np.zeros(steps + 1, dtype=np.int64)
-        networks = [flow.network]
+        tables = [self._grid.table(self._reduced(flow, flow.network))]
         for instant, network in event.changes(flow.network):
-            first = round((instant - event.time[0]) / h)
-            if abs(first * h - (instant - event.time[0])) > 1e-6 * h:
+            position = (instant - event.time[0]) / h
+            first = round(position)
+            if exact and abs(first - position) > 1e-6:
                 raise InputError(
                     f"the grid changes at {instant:g} s",
                     where=event.name,
                     allowed=f"multiples of {h:g} s after {event.time[0]:g} s",
                     remedy="Move the instant, or choose another step",
                 )
-            segment[max(first, 0) :] = len(networks)
-            networks.append(network)
-        tables = [self._grid.table(self._reduced(flow, network)) for network in networks]
+            before, after = tables[-1], self._grid.table(self._reduced(flow, network))
+            if abs(first - position) > 1e-6:
+                first = int(np.floor(position))
+                share = position - first
+                if 0 <= first <= steps:
+                    segment[first] = len(tables)
+                tables.append(share * before + (1 - share) * after)
+                first += 1
+            segment[max(first, 0) :] = len(tables)
+            tables.append(after)
         return np.array(tables), segment
 
     def _reduced(self, flow: LoadFlow, network: Network) -> ReducedNetwork:
@@ -285,7 +344,24 @@ class PowerSystemSimulator(Simulator):
             admittances={m.bus: m.admittance for m in self.machines},
         )
 
-    def _start(self, theta: NDArray[np.float64], flow: LoadFlow) -> tuple[Values, NDArray[np.bool_]]:
+    def _library(self) -> Iterable[Effect]:
+        """Effects of each unit, of the measurement, and of the event."""
+        for unit in self.units_under_test:
+            yield from (effect.at(unit.model.name) for effect in LIBRARY.get(unit.model.name, ()))
+        yield from measurement_effects(self.channels)
+        if isinstance(self.event, BusFault):
+            yield from (FAULT_DURATION, FAULT_IMPEDANCE)
+            for branch in self.network.branches:
+                if self.event.bus in branch.ends and branch.in_service:
+                    try:
+                        self.network.with_line_out(*branch.ends, branch.circuit)
+                    except InputError:  # it would leave an island
+                        continue
+                    yield branch_trip(branch.ends)
+
+    def _start(
+        self, theta: NDArray[np.float64], flow: LoadFlow, event: GridEvent, h: float
+    ) -> tuple[Values, NDArray[np.bool_]]:
         """All states and constants by name, each of shape (n,), and where an equilibrium exists."""
         one = np.ones(len(theta))
         values: Values = {"f0": self.f0 * one}
@@ -309,4 +385,12 @@ class PowerSystemSimulator(Simulator):
             own |= {**states, **setpoints, **{state: own[at] for state, at in device.grid.states}}
             values |= {qualified(device.name, k): v for k, v in own.items()}
             feasible = feasible & possible
-        return values, feasible
+        values |= switched_off(self.effects, len(theta)) | given
+        begin = min(event.start, event.time[-1] - event.dt) - event.time[0]
+        instants = {"t_event": begin * one, "t_stop": (event.time[-1] - event.time[0]) * one}
+
+        def of_device(effect: Effect) -> Values:
+            prefix = f"{effect.device}."
+            return {k.removeprefix(prefix): v for k, v in values.items() if k.startswith(prefix)} | instants
+
+        return values | start_effects(self._inside, values, of_device, h), feasible

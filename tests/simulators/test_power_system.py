@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from errorscreen.effects import GOVERNOR
 from errorscreen.events import BusFault, Event, GridEvent, LineTrip, LoadStep
 from errorscreen.exceptions import InputError
 from errorscreen.power.elements import Branch, Bus, Generator, Load
@@ -132,9 +133,77 @@ def test_settings_tell_what_responses_depend_on():
     assert system(step=0.001).settings() != system().settings()
 
 
-def test_effects_are_refused_plainly():
+SYSTEM = system()
+EFFECTS = [effect.name for effect in SYSTEM.effects]
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_effects_are_identities_at_strength_zero(effect):
+    """Bit for bit, also beside simulations that use the effect."""
+    extended = SYSTEM.extend(effect)
+    m = len(SYSTEM.parameters)
+    theta = random_rows(extended, 7, seed=3)
+    theta[::3, m] = 0.0
+    plain, mixed = SYSTEM.simulate(theta[:, :m]).values, extended.simulate(theta).values
+    assert np.array_equal(mixed[::3], plain[::3], equal_nan=True)
+    limiters = ("limiter", "under_excitation", "volts_per_hertz", "saturation")
+    if not effect.endswith(limiters):  # these rest where their limit is not reached
+        assert np.nanmax(np.abs(mixed - plain)) > 1e-4
+
+
+def test_effects_inside_units_leave_the_equilibrium_alone():
+    restless = ("oscillation", "latent")
+    at_rest = [e for e in SYSTEM.effects if e.kind == "mechanism" and not e.name.endswith(restless)]
+    for effect in at_rest:
+        extended = system(GridEvent(TIME)).extend(effect.name)
+        y = extended.simulate(random_rows(extended, 5)).require_ok().values
+        assert np.abs(y - y[:1, :, :1]).max() < 1e-9, effect.name
+
+
+def test_an_effect_of_a_unit_acts_as_in_the_reference_path():
+    names = ("synchronous_machine.governor", "pv_plant.cessation", "lag_P")
+    simulators = [system(engine=engine) for engine in ("compiled", "numpy")]
+    for name in names:
+        simulators = [simulator.extend(name) for simulator in simulators]
+    theta = random_rows(simulators[0], 5)
+    a, b = (simulator.simulate(theta).values for simulator in simulators)
+    assert np.array_equal(a, b, equal_nan=True)
+
+
+def test_event_effects_are_other_events():
+    """Duration, impedance and a branch that is opened, against events that say so themselves."""
+    nominal = SYSTEM.parameters.nominal
+    cases = {
+        ("fault_duration", 0.05): replace(FAULT, duration=0.15),
+        ("fault_impedance", 0.02): replace(FAULT, impedance=0.07j),
+        ("trip_2_3", 1.0): replace(FAULT, opened=(2, 3, 1.0)),
+    }
+    for (effect, value), event in cases.items():
+        found = SYSTEM.extend(effect).simulate([*nominal, value]).values[0]
+        expected = SYSTEM.simulate(nominal, event).values[0]
+        assert np.abs(found - expected).max() < 1e-9, effect
+    opened = SYSTEM.simulate(nominal, replace(FAULT, opened=(2, 3, 1.0))).values[0]
+    assert abs(opened[1, -1]) < 1e-9  # nothing arrives over a branch that is open
+
+
+def test_a_fault_of_estimated_duration_acts_smoothly():
+    """Also where it ends between two steps: differences over a third of a step agree with those over four steps."""
+    extended = SYSTEM.extend("fault_duration")
+    h = SYSTEM.step
+    d = np.array([0.0, h / 3, 4 * h])
+    theta = np.hstack([np.tile(SYSTEM.parameters.nominal, (3, 1)), d[:, None]])
+    y = extended.simulate(theta).require_ok().values[:, 0, -50:]
+    short, long = (y[1] - y[0]) / (h / 3), (y[2] - y[0]) / (4 * h)
+    assert np.abs(short - long).max() < 0.15 * np.abs(long).max()
+
+
+def test_unknown_effects_are_refused_plainly():
+    with pytest.raises(InputError, match=r"unknown effect 'exciter'.*synchronous_machine.exciter"):
+        SYSTEM.extend("exciter")
     with pytest.raises(InputError, match="PowerSystemSimulator has no ports"):
-        system().extend("exciter")
+        system(effects=()).extend("exciter")
+    with pytest.raises(InputError, match=r"effect 'governor': unknown device ''"):
+        system(effects=[GOVERNOR])
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,163 @@
+r"""Effects that only hidden truths have: other forms of effects of the library, and effects that it does not hold.
+
+Models that are fitted never see these equations. Other forms are right if they are called by the library's name:
+
+.. math::
+
+    e &= V_0 - V,\quad E_{fd} = E_{fd0} + \big[K e + K_I\textstyle\int e\,dt\big]_{low}^{high}\ \text{lagged}  & (H1)\\
+    e &= -(\omega - 1)\ \text{if}\ |\omega - 1| > d\ \text{else}\ 0                                             & (H2)\\
+    S(E) &= A\,E^{n} - A\,E_0^{n}                                                                            & (H3)\\
+    T^2\ddot y/4 &+ T\dot y + y = u                                                                           & (H4)
+
+an exciter with a proportional-integral regulator, a governor whose dead band has a step at its edge, an exponential
+saturation, and two equal lags in series. Outside of the library:
+
+.. math::
+
+    P_m &= P_{m0} - A V^2\ \text{while}\ \omega > 1 + d                                                      & (H5)\\
+    u &= u^* + A\,s\big((t - t_1)/T\big)\,\big(1 - s((t - t_2)/T)\big)                          & (H6)\\
+    u &= u^* + A\,(V_0 - V)\,|V_0 - V|                                                                       & (H7)
+
+a braking resistor, something that is switched on and off inside the plant with smooth steps s (fast valving, a cloud, a
+capacitor bank), and a reaction to the square of the voltage.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from errorscreen.effects.base import Effect, Values, strength, value
+from errorscreen.engine.vmath import clip, hold_at_limits, select, smooth_step
+
+_E_MIN, _E_MAX = 0.0, 5.0
+
+
+def pi_exciter(value: Any, V: Any, V0: Any, Efd0: Any, x: Any, E: Any, K: Any, KI: Any, TE: Any) -> Any:
+    """Exciter with a proportional-integral regulator, (H1)."""
+    e = V0 - V
+    low, high = clip(_E_MIN - Efd0, -1e9, 0.0), clip(_E_MAX - Efd0, 0.0, 1e9)
+    y = clip(K * e + x, low, high)
+    return value + E, hold_at_limits(x, KI * K * e, low, high), (y - E) / TE
+
+
+def stepped_governor(
+    value: Any, omega: Any, Pm0: Any, g: Any, x: Any, K: Any, db: Any, T1: Any, T3: Any
+) -> Any:
+    """Governor whose dead band has a step at its edge, (H2)."""
+    speed = omega - 1.0
+    e = select(np.abs(speed) > db, -speed, 0.0)
+    low, high = clip(-Pm0, -1e9, 0.0), clip(1.2 - Pm0, 0.0, 1e9)
+    gate = clip(g, low, high)
+    return value + 0.3 * gate + 0.7 * x, hold_at_limits(g, (K * e - g) / T1, low, high), (gate - x) / T3
+
+
+def exponential_saturation(value: Any, Eq1: Any, S0: Any, A: Any) -> Any:
+    """Saturation of a power of the voltage, (H3)."""
+    E2 = Eq1 * Eq1
+    return (value - (A * E2 * E2 * E2 - S0),)
+
+
+def two_lags(value: Any, y: Any, z: Any, T: Any) -> Any:
+    """Two equal lags in series, (H4)."""
+    return select(T > 0.0, z, value), 2.0 * (value - y) / (T + 1e-9), 2.0 * (y - z) / (T + 1e-9)
+
+
+def brake(value: Any, omega: Any, V: Any, A: Any, d: Any) -> Any:
+    """Braking resistor, (H5)."""
+    return (value - A * V * V * smooth_step((omega - 1.0 - d) / 0.0005),)
+
+
+def switched(value: Any, t: Any, A: Any, t1: Any, t2: Any, T: Any) -> Any:
+    """Something switched on and off, (H6)."""
+    on = smooth_step((t - t1) / T) * (1.0 - smooth_step((t - t2) / T))
+    return value + A * on, 1.0 + 0.0 * t
+
+
+def square_voltage(value: Any, V: Any, V0: Any, A: Any) -> Any:
+    """Reaction to the square of the voltage, (H7)."""
+    return (value + A * (V0 - V) * np.abs(V0 - V),)
+
+
+def _start_V(values: Values, h: float) -> Values:
+    return {"V0": values["V"] * np.ones_like(values["A" if "A" in values else "K"])}
+
+
+def _start_saturation(values: Values, h: float) -> Values:
+    return {"S0": values["A"] * values["Eq1"] ** 6}
+
+
+def _start_lags(level: Any) -> Any:
+    return {"y": level, "z": level}
+
+
+def _start_active(values: Values, h: float) -> Values:
+    return _start_lags(values["P"] / values["V"] * np.ones_like(values["T"]))
+
+
+def _start_reactive(values: Values, h: float) -> Values:
+    return _start_lags(values["Q"] / values["V"] * np.ones_like(values["T"]))
+
+
+def _start_Q(values: Values, h: float) -> Values:
+    return _start_lags(values["Q"] * np.ones_like(values["T"]))
+
+
+def _v(name: str, low: float, high: float, typical: float | None = None) -> Any:
+    return value(name, 0.5 * (low + high) if typical is None else typical, low, high, "", "hidden", name, "")
+
+
+def _s(name: str, high: float) -> Any:
+    return strength(name, 0.5 * high, high, "", "hidden", name, "")
+
+
+def _switched(name: str, title: str, port: str, size: float) -> Effect:
+    parameters = (_s("A", size), _v("t1", 1.2, 2.0), _v("t2", 2.2, 4.5), _v("T", 0.02, 0.5))
+    return Effect(name, title, port, switched, parameters, states=("t",))
+
+
+#: by device: effect in another form, and the name of the library that is right
+OTHER_FORMS: dict[str, tuple[tuple[Effect, str], ...]] = {
+    "synchronous_machine": (
+        (Effect("pi_exciter", "PI exciter", "Efd", pi_exciter,
+                (_s("K", 60.0), _v("KI", 0.05, 1.0), _v("TE", 0.02, 0.3)),
+                states=("x", "E"), derived=("V0",), initialise=_start_V), "exciter"),
+        (Effect("stepped_governor", "Governor, dead band with step", "Pm", stepped_governor,
+                (_s("K", 40.0), _v("db", 0.0, 0.002), _v("T1", 0.1, 0.8), _v("T3", 1.0, 10.0)),
+                states=("g", "x")), "governor"),
+        (Effect("exponential_saturation", "Exponential saturation", "Efd", exponential_saturation, (_s("A", 0.4),),
+                derived=("S0",), initialise=_start_saturation), "saturation"),
+    ),
+    "dfig_plant": (
+        (Effect("two_lags_active", "Two lags", "Ip_cmd", two_lags, (_s("T", 0.3),), states=("y", "z"),
+                initialise=_start_active), "lag_active"),
+        (Effect("two_lags_reactive", "Two lags", "Qcmd", two_lags, (_s("T", 0.3),), states=("y", "z"),
+                initialise=_start_Q), "lag_reactive"),
+    ),
+    "pv_plant": (
+        (Effect("two_lags_active", "Two lags", "Ip_cmd", two_lags, (_s("T", 0.3),), states=("y", "z"),
+                initialise=_start_active), "lag_active"),
+        (Effect("two_lags_reactive", "Two lags", "Iq_cmd", two_lags, (_s("T", 0.3),), states=("y", "z"),
+                initialise=_start_reactive), "lag_reactive"),
+    ),
+}  # fmt: skip
+
+#: by device: effects that the library does not hold
+OUTSIDE: dict[str, tuple[Effect, ...]] = {
+    "synchronous_machine": (
+        Effect("brake", "Braking resistor", "Pm", brake, (_s("A", 0.5), _v("d", 0.0005, 0.004))),
+        _switched("valving", "Fast valving", "Pm", 0.4),
+        _switched("forcing", "Field forcing", "Efd", 2.0),
+    ),
+    "dfig_plant": (
+        _switched("gust", "Power step", "Ip_cmd", 0.3),
+        _switched("capacitor", "Capacitor bank", "Qcmd", 0.3),
+    ),
+    "pv_plant": (
+        _switched("cloud", "Power step", "Ip_cmd", 0.3),
+        _switched("capacitor", "Capacitor bank", "Iq_cmd", 0.3),
+        Effect("square_voltage", "Reaction to the square of the voltage", "Iq_cmd", square_voltage, (_s("A", 20.0),),
+               derived=("V0",), initialise=_start_V),
+    ),
+}  # fmt: skip

@@ -1,0 +1,157 @@
+"""What hidden scenarios of discovery have in common: what they hold, how effects are drawn, and how large they are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from errorscreen.calibration.problem import FitProblem
+from errorscreen.discovery.hypotheses import PRIOR, linearised
+from errorscreen.effects import Effect
+from errorscreen.exceptions import InputError
+from errorscreen.observations import Observation
+from errorscreen.simulators import Simulator
+
+#: kinds of scenarios and their shares; the order is that of results
+MIX = (
+    ("nothing", 0.25),
+    ("effect", 0.3),
+    ("two effects", 0.15),
+    ("other form", 0.1),
+    ("outside", 0.1),
+    ("measurement", 0.1),
+)
+#: kinds whose truth has a structure that the library holds
+HELD = ("effect", "two effects", "measurement")
+#: an effect is hidden only if what survives a refit of the parameters is at least so many times the noise
+LEAST_SIZE = 3.0
+#: draws of an effect until one is large enough
+TRIES = 200
+
+_Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """What is hidden, and what was recorded of it.
+
+    Parameters
+    ----------
+    kind : str
+        Of `MIX`.
+    device : str
+        Where the first effect is hidden; of a plant the device itself.
+    effects : tuple of str
+        Names that are right; empty where nothing of the library is hidden.
+    hidden : tuple of str
+        What is hidden, by its own name.
+    place : str
+        Port or channel of the first hidden effect.
+    size : float
+        Smallest part of a hidden effect that survives a refit of all parameters, in multiples of the noise, see
+        `surviving`; 0 for nothing.
+    theta : ndarray of shape (m,)
+    simulator : Simulator
+        What is fitted: the model without what is hidden.
+    recordings : tuple of Observation
+        To fit.
+    held_out : tuple of Observation
+    truths : tuple of ndarray of shape (R, L)
+        Responses without noise of the held-out events.
+    structure : tuple of str
+        Effects of the library that the truth has; empty where it is not the library's.
+    values : ndarray
+        Parameters of the hidden effects, one after the other.
+    """
+
+    kind: str
+    device: str
+    effects: tuple[str, ...]
+    hidden: tuple[str, ...]
+    place: str
+    size: float
+    theta: _Array
+    simulator: Simulator
+    recordings: tuple[Observation, ...]
+    held_out: tuple[Observation, ...]
+    truths: tuple[_Array, ...]
+    structure: tuple[str, ...]
+    values: _Array
+
+
+def draw_kind(rng: np.random.Generator) -> str:
+    """Kind of a scenario, by the shares of `MIX`."""
+    names, shares = zip(*MIX, strict=True)
+    return str(rng.choice(names, p=shares))
+
+
+def draw_values(effect: Effect, rng: np.random.Generator) -> _Array:
+    """Parameters inside the middle of their ranges; a strength of either sign where both are allowed."""
+    values = []
+    for j, p in enumerate(effect.parameters):
+        if j == 0:
+            share = rng.uniform(0.15, 0.9)
+            values.append(share * p.upper if p.lower == 0 or rng.random() < 0.5 else share * p.lower)
+        else:
+            values.append(p.lower + (p.upper - p.lower) * rng.uniform(0.1, 0.9))
+    return np.array(values)
+
+
+def too_small(noise_db: float, least_size: float) -> InputError:
+    """Build the error for draws none of which is large enough."""
+    return InputError(
+        f"none of {TRIES} effects drawn is at least {least_size:g} times the noise at {noise_db:g} dB",
+        allowed="less noise, or a smaller least size",
+    )
+
+
+def pick(rng: np.random.Generator, items: Sequence[Effect]) -> Effect:
+    """One of some effects."""
+    return items[int(rng.integers(len(items)))]
+
+
+def smallest_size(
+    simulator: Simulator,
+    theta: _Array,
+    observations: Sequence[Observation],
+    changes: Sequence[Sequence[_Array]],
+) -> float:
+    """Size of the smallest of some changes of the responses, see `surviving`; 0 without any."""
+    return min((surviving(simulator, theta, observations, change) for change in changes), default=0.0)
+
+
+def surviving(
+    simulator: Simulator, theta: _Array, observations: Sequence[Observation], change: Sequence[_Array]
+) -> float:
+    """Size of a change of the responses after all parameters have been refitted to it, in multiples of the noise.
+
+    The change is projected out of the tangent space of the parameters' sensitivities; the rms over the time after the
+    event is taken for each channel and recording, and the largest counts.
+
+    Parameters
+    ----------
+    simulator : Simulator
+    theta : ndarray of shape (m,)
+    observations : sequence of Observation
+    change : sequence of ndarray of shape (R, L)
+        One for each recording.
+    """
+    problem = FitProblem(simulator, list(observations))
+    u = (theta - problem.space.nominal) / problem.space.scales
+    _, J = linearised(problem, u)
+    z = np.concatenate([(c / o.sigma)[o.mask] for c, o in zip(change, observations, strict=True)])
+    A = cho_factor(J.T @ J + np.eye(len(u)) / PRIOR**2)
+    left = z - J @ cho_solve(A, J.T @ z)
+    largest, first = 0.0, 0
+    for o in observations:
+        full = np.zeros(o.values.shape)
+        count = int(o.mask.sum())
+        full[o.mask] = left[first : first + count]
+        first += count
+        after = o.time >= o.event.start
+        largest = max(largest, float(np.sqrt(np.mean(full[:, after] ** 2, axis=1)).max()))
+    return largest

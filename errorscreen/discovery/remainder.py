@@ -1,0 +1,216 @@
+r"""Is what a fit leaves noise? A test of the residuals in cells of channel, stage and frequency band.
+
+Residuals z of a fit are noise less what the fitted parameters took of it. Their null distribution comes from a
+parametric bootstrap in the tangent space: noise w with the correlation in time of the quiet part, a scale that is as
+uncertain as its estimate, and without what the linear model would have fitted,
+
+.. math:: z^* = w - J_f (J_f^T J_f + I/s^2)^{-1} J_f^T w                                               \qquad (D3)
+
+with the sensitivities J_f of the parameters that do not lie at a bound. Bounds, the prior and correlated noise make the
+textbook χ² distribution wrong; (D3) keeps them. The energy of each cell is compared with its null distribution through
+the cube root (Wilson and Hilferty, PNAS 17, 1931), which is nearly normal; the test statistic is the largest excess.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import cho_factor, cho_solve
+from scipy.signal import lfilter
+from scipy.stats import false_discovery_control, norm
+
+from errorscreen.discovery.diagnosis import STAGES, stage_limits
+from errorscreen.discovery.hypotheses import PRIOR
+from errorscreen.observations import Observation
+from errorscreen.sampling import generator
+from errorscreen.signals import correlation_time
+
+#: edges of the frequency bands in Hz: slow control, electromechanical swings, control modes, fast control
+BANDS = (0.0, 0.4, 2.5, 8.0, np.inf)
+#: cells with fewer samples than this tell nothing
+_FEWEST = 3
+#: noise differs from one operating point to another by more than its estimate from the quiet part is uncertain
+_LEVEL = 1.5
+
+_Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Energy of the residuals in one channel, stage and frequency band.
+
+    Parameters
+    ----------
+    recording, channel, stage : str
+    band : (float, float)
+        Hz.
+    ratio : float
+        Energy over what noise alone has on average.
+    p_value : float
+        Of this cell alone.
+    significant : bool
+        With false discoveries controlled over all cells at 5 % (Benjamini and Hochberg 1995).
+    """
+
+    recording: str
+    channel: str
+    stage: str
+    band: tuple[float, float]
+    ratio: float
+    p_value: float
+    significant: bool
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """Result of the test.
+
+    Parameters
+    ----------
+    p_value : float
+        Probability that noise alone gives a cell so conspicuous.
+    statistic : float
+        Largest excess of a cell in standard deviations.
+    cells : tuple of Cell
+    """
+
+    p_value: float
+    statistic: float
+    cells: tuple[Cell, ...]
+
+    @property
+    def significant(self) -> tuple[Cell, ...]:
+        """Cells beyond noise, the most conspicuous first."""
+        return tuple(sorted((c for c in self.cells if c.significant), key=lambda c: c.p_value))
+
+
+def noise_model(observations: Sequence[Observation], residuals: ArrayLike) -> tuple[float, list[float]]:
+    """Correlation time of the quiet residuals in samples, and how well each recording's noise level is known.
+
+    Parameters
+    ----------
+    observations : sequence of Observation
+    residuals : array-like of shape (N,)
+
+    Returns
+    -------
+    tau : float
+    spread : list of float
+        Relative standard error of the noise level, for each recording.
+    """
+    rows, counts = [], []
+    for observation, z in _split(observations, residuals):
+        quiet = observation.time < observation.event.start - 1e-9
+        rows += [row[quiet] for row in z]
+        counts.append(int(quiet.sum()))
+    tau = correlation_time(*(row for row in rows if len(row)))
+    # with hardly any quiet part the level is what the file says, not an estimate
+    return tau, [_LEVEL * float(np.sqrt(tau / (2 * n))) if n >= 10 else 0.0 for n in counts]
+
+
+def remainder_test(
+    observations: Sequence[Observation],
+    residuals: ArrayLike,
+    jacobian: ArrayLike | None = None,
+    *,
+    n_bootstrap: int = 400,
+    random_state: Any = 0,
+) -> Remainder:
+    """Test whether residuals are noise.
+
+    Parameters
+    ----------
+    observations : sequence of Observation
+    residuals : array-like of shape (N,)
+        Where something was measured, as `FitProblem.residuals` orders them.
+    jacobian : array-like of shape (N, k), optional
+        Sensitivities of the fitted parameters that do not lie at a bound; none were fitted where not given.
+    n_bootstrap : int
+    random_state : None, int, SeedSequence, Generator or RandomState
+
+    Returns
+    -------
+    Remainder
+    """
+    z = np.asarray(residuals, dtype=float)
+    rng = generator(random_state)
+    tau, spread = noise_model(observations, z)
+    labels, energy = _energies(observations, z[None])
+    null = _null(observations, n_bootstrap, tau, spread, rng)
+    if jacobian is not None and np.size(jacobian):
+        J = np.asarray(jacobian, dtype=float)
+        A = cho_factor(J.T @ J + np.eye(J.shape[1]) / PRIOR**2)
+        null = null - cho_solve(A, (null @ J).T).T @ J.T
+    _, drawn = _energies(observations, null)
+    mean = drawn.mean(axis=0)
+    roots = np.cbrt(drawn / mean)
+    centre, width = roots.mean(axis=0), roots.std(axis=0)
+    excess = (np.cbrt(energy[0] / mean) - centre) / width
+    largest = ((roots - centre) / width).max(axis=1)
+    p_cells = norm.sf(excess)
+    significant = false_discovery_control(p_cells) < 0.05
+    cells = tuple(
+        Cell(label[0], label[1], label[2], label[3], float(e / m), float(p), bool(s))
+        for label, e, m, p, s in zip(labels, energy[0], mean, p_cells, significant, strict=True)
+    )
+    beyond = int(np.sum(largest >= excess.max()))
+    return Remainder((1.0 + beyond) / (n_bootstrap + 1.0), float(excess.max()), cells)
+
+
+def _split(observations: Sequence[Observation], residuals: ArrayLike) -> list[tuple[Observation, _Array]]:
+    """Residuals (..., N) as channels (..., R, L) of each recording; 0 where nothing was measured."""
+    z = np.asarray(residuals, dtype=float)
+    out, first = [], 0
+    for observation in observations:
+        mask = observation.mask
+        count = int(mask.sum())
+        full = np.zeros((*z.shape[:-1], *mask.shape))
+        full[..., mask] = z[..., first : first + count]
+        out.append((observation, full))
+        first += count
+    return out
+
+
+def _energies(observations: Sequence[Observation], residuals: _Array) -> tuple[list[tuple[Any, ...]], _Array]:
+    """Labels of the cells, and energies (n, cells) of residuals (n, N)."""
+    labels: list[tuple[Any, ...]] = []
+    energies: list[_Array] = []
+    for observation, z in _split(observations, residuals):
+        time, dt = observation.time, observation.event.dt
+        limits = stage_limits(observation)
+        spectrum = np.fft.rfft(z, axis=-1)
+        frequency = np.fft.rfftfreq(len(time), dt)
+        for low, high in pairwise(BANDS):
+            part = (frequency >= low) & (frequency < high)
+            if not part.any():
+                continue
+            band = np.fft.irfft(spectrum * part, len(time), axis=-1)
+            for stage, start, stop in zip(STAGES[1:], limits[1:-1], limits[2:], strict=True):
+                inside = (time >= start - 1e-9) & (time < stop - 1e-9 if stop < time[-1] else time <= stop)
+                for r in np.flatnonzero(observation.mask.any(axis=1)):
+                    if (observation.mask[r] & inside).sum() < _FEWEST:
+                        continue
+                    labels.append((observation.event.name, observation.channels[r], stage, (low, high)))
+                    energies.append((band[:, r, inside] ** 2).sum(axis=-1))
+    return labels, np.array(energies).T + np.finfo(float).tiny
+
+
+def _null(
+    observations: Sequence[Observation], n: int, tau: float, spread: Sequence[float], rng: np.random.Generator
+) -> _Array:
+    """Draws (n, N) of noise with unit variance, correlated over `tau` samples, of uncertain level."""
+    rho = (tau - 1.0) / (tau + 1.0)
+    parts = []
+    for observation, width in zip(observations, spread, strict=True):
+        w = rng.standard_normal((n, *observation.values.shape))
+        if rho > 0:  # first-order autoregression, whose correlation time is (1 + rho) / (1 - rho)
+            w[..., 1:] *= np.sqrt(1 - rho**2)
+            w = lfilter([1.0], [1.0, -rho], w, axis=-1)
+        w = w * np.exp(width * rng.standard_normal((n, w.shape[1], 1)))
+        parts.append(w[:, observation.mask])
+    return np.concatenate(parts, axis=1)

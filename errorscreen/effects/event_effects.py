@@ -1,0 +1,80 @@
+r"""Event effects: what happened in the grid was not what the record of the event says.
+
+.. math::
+
+    t_{clear} &= t_{clear}^* + d                                                            & (E1)\\
+    Z_f &= Z_f^* + j x                                                                      & (E2)\\
+    Y_{branch} &= (1 - s)\,Y_{branch}^*\ \text{once the fault is cleared}                     & (E3)
+
+a fault of other duration (E1), with another impedance (E2), and a branch that is opened when the fault is cleared (E3),
+wholly for s = 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+from errorscreen.effects.base import Effect, strength
+from errorscreen.events import BusFault
+
+#: a fault lasts at least so many seconds
+_SHORTEST = 0.005
+
+
+def longer(event: Any, d: float) -> Any:
+    """Fault that lasts d seconds longer, (E1); other events stay as they are."""
+    if not isinstance(event, BusFault):
+        return event
+    return replace(event, duration=max(_SHORTEST, event.duration + d))
+
+
+def with_reactance(event: Any, x: float) -> Any:
+    """Fault over an additional reactance in pu, (E2); other events stay as they are."""
+    if not isinstance(event, BusFault):
+        return event
+    return replace(event, impedance=event.impedance + 1j * x)
+
+
+def with_trip(event: Any, s: float, ends: tuple[int, int]) -> Any:
+    """Fault whose clearing opens the share s of a branch, (E3); other events stay as they are."""
+    if not isinstance(event, BusFault) or event.bus not in ends:
+        return event
+    return replace(event, opened=(*ends, float(s)))
+
+
+FAULT_DURATION = Effect(
+    "fault_duration", "Fault of another duration", "event", longer,
+    (strength("d", 0.02, 0.1, "s", "event", "d", "additional duration; 0: as recorded", -0.05),), kind="event",
+    description="Protection cleared the fault later or earlier than the event list says: all channels are wrong from "
+    "the recorded clearing on.",
+    source="equation (E1)",
+    confused_with=("another fault impedance", "a branch opened with the fault"),
+)  # fmt: skip
+FAULT_IMPEDANCE = Effect(
+    "fault_impedance", "Fault with an impedance", "event", with_reactance,
+    (strength("x", 0.01, 0.1, "pu", "event", "x", "additional reactance; 0: as recorded"),), kind="event",
+    description="The fault was not bolted: the dip is less deep than in the simulation.",
+    source="equation (E2)",
+    confused_with=("a fault of another duration", "a fault further away"),
+)  # fmt: skip
+
+
+def branch_trip(ends: tuple[int, int]) -> Effect:
+    """Branch that is opened when a fault at one of its ends is cleared.
+
+    Examples
+    --------
+    >>> branch_trip((3, 4)).name
+    'trip_3_4'
+    """
+    return Effect(
+        f"trip_{ends[0]}_{ends[1]}", f"Branch {ends[0]}-{ends[1]} opened with the fault", "event",
+        partial(with_trip, ends=ends),
+        (strength("s", 1.0, 1.0, "", "event", "s", "share of the branch that is opened; 0: none"),), kind="event",
+        description="Protection cleared the fault by opening a branch, which the simulation leaves in service: another "
+        "steady state and another swing.",
+        source="equation (E3)",
+        confused_with=("another load", "a fault of another duration"),
+    )  # fmt: skip

@@ -1,0 +1,156 @@
+r"""Limiters of the excitation: field current, stator current, under-excitation, volts per hertz.
+
+Each integrates the excess of its quantity over a limit and takes that from the field voltage, or adds it (the
+summed-type limiters of IEEE Std 421.5-2016, sections 9 to 12, with an integral action and no wind-up):
+
+.. math::
+
+    \dot x &= K\,(q - q_{max}),\quad 0 \le x \le x_{max}                                   & (L1)\\
+    E_{fd} &= E_{fd0} + \Delta E_{fd} - s\,x                                                & (L2)
+
+with
+
+- field current: :math:`q = I_{fd} = E'_q + (X_d - X'_d) I_d`, s = 1;
+- stator current: :math:`q = \sqrt{I_d^2 + I_q^2}`, s = 1 where reactive power is generated, −1 where it is consumed;
+- under-excitation: :math:`q = -Q`, s = −1;
+- volts per hertz: :math:`q = V/\omega`, s = 1.
+
+No limit lies below the equilibrium (it is moved just above it), so that a strength of 0 is an identity at any loading.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from errorscreen.effects.base import Effect, Values, strength, value
+from errorscreen.engine.vmath import clip, hold_at_limits
+
+_X_MAX = 3.0
+#: reactive power in pu over which the stator-current limiter changes its direction
+_Q_BAND = 0.05
+_MARGIN = 1e-3
+
+
+def field_current(value: Any, Eq1: Any, Id: Any, Xd: Any, Xd1: Any, limit: Any, x: Any, K: Any) -> Any:
+    """Over-excitation limiter, (L1), (L2)."""
+    excess = Eq1 + (Xd - Xd1) * Id - limit
+    return value - x, hold_at_limits(x, K * excess, 0.0, _X_MAX)
+
+
+def stator_current(value: Any, Id: Any, Iq: Any, Q: Any, limit: Any, x: Any, K: Any) -> Any:
+    """Stator-current limiter, (L1), (L2)."""
+    excess = np.sqrt(Id * Id + Iq * Iq) - limit
+    return value - x * clip(Q / _Q_BAND, -1.0, 1.0), hold_at_limits(x, K * excess, 0.0, _X_MAX)
+
+
+def under_excitation(value: Any, Q: Any, limit: Any, x: Any, K: Any) -> Any:
+    """Under-excitation limiter, (L1), (L2)."""
+    return value + x, hold_at_limits(x, K * (-Q - limit), 0.0, _X_MAX)
+
+
+def volts_per_hertz(value: Any, V: Any, omega: Any, limit: Any, x: Any, K: Any) -> Any:
+    """Volts-per-hertz limiter, (L1), (L2)."""
+    return value - x, hold_at_limits(x, K * (V / omega - limit), 0.0, _X_MAX)
+
+
+def _above(chosen: Any, now: Any) -> Values:
+    return {"limit": np.maximum(chosen, now + _MARGIN)}
+
+
+def _start_field(values: Values, h: float) -> Values:
+    return _above(values["If_max"], values["Efd0"])
+
+
+def _start_stator(values: Values, h: float) -> Values:
+    return _above(values["I_max"], np.hypot(values["P"], values["Q"]) / values["V"])
+
+
+def _start_under(values: Values, h: float) -> Values:
+    return _above(-values["Q_min"], -values["Q"])
+
+
+def _start_flux(values: Values, h: float) -> Values:
+    return _above(values["VHz_max"], values["V"])
+
+
+_SOURCE = "IEEE Std 421.5-2016, sections 9 to 12"
+
+FIELD_CURRENT_LIMITER = Effect(
+    name="field_limiter",
+    title="Field-current (over-excitation) limiter",
+    port="Efd",
+    equations=field_current,
+    parameters=(
+        strength("K", 3.0, 20.0, "1/s", "field-current limiter", "K", "integral gain; 0: none"),
+        value(
+            "If_max", 2.5, 1.2, 4.0, "pu", "field-current limiter", "I_fd,max", "limit of the field current"
+        ),
+    ),
+    states=("x",),
+    derived=("limit",),
+    initialise=_start_field,
+    description="Above its limit the field current is brought down: the machine gives less reactive power after a dip "
+    "or while the voltage stays low than its model does.",
+    source=_SOURCE,
+    confused_with=("a stator-current limiter", "a smaller exciter gain", "a larger Xd"),
+)
+STATOR_CURRENT_LIMITER = Effect(
+    name="stator_limiter",
+    title="Stator-current limiter",
+    port="Efd",
+    equations=stator_current,
+    parameters=(
+        strength("K", 3.0, 20.0, "1/s", "stator-current limiter", "K", "integral gain; 0: none"),
+        value("I_max", 1.1, 0.7, 2.5, "pu", "stator-current limiter", "I_max", "limit of the stator current"),
+    ),
+    states=("x",),
+    derived=("limit",),
+    initialise=_start_stator,
+    description="While the stator current exceeds its limit, the excitation is changed so that reactive current falls.",
+    source=_SOURCE,
+    confused_with=("a field-current limiter", "a volts-per-hertz limiter"),
+)
+UNDER_EXCITATION_LIMITER = Effect(
+    name="under_excitation",
+    title="Under-excitation limiter",
+    port="Efd",
+    equations=under_excitation,
+    parameters=(
+        strength("K", 5.0, 30.0, "1/s", "under-excitation limiter", "K", "integral gain; 0: none"),
+        value("Q_min", -0.1, -0.6, 0.2, "pu", "under-excitation limiter", "Q_min", "least reactive power"),
+    ),
+    states=("x",),
+    derived=("limit",),
+    initialise=_start_under,
+    description="The machine may not consume more reactive power than the limit: the field voltage is raised when "
+    "the voltage of the grid is high.",
+    source=_SOURCE,
+    confused_with=("an exciter", "saturation"),
+)
+VOLTS_PER_HERTZ_LIMITER = Effect(
+    name="volts_per_hertz",
+    title="Volts-per-hertz limiter",
+    port="Efd",
+    equations=volts_per_hertz,
+    parameters=(
+        strength("K", 20.0, 100.0, "1/s", "volts-per-hertz limiter", "K", "integral gain; 0: none"),
+        value(
+            "VHz_max",
+            1.05,
+            1.0,
+            1.2,
+            "pu",
+            "volts-per-hertz limiter",
+            "(V/f)_max",
+            "limit of V over frequency",
+        ),
+    ),
+    states=("x",),
+    derived=("limit",),
+    initialise=_start_flux,
+    description="Above the limit of voltage over frequency the field voltage is lowered to protect the iron.",
+    source=_SOURCE,
+    confused_with=("an exciter", "a field-current limiter"),
+)

@@ -1,0 +1,58 @@
+r"""Turbine and governor TGOV1 with a dead band: speed control of a machine whose mechanical power is constant.
+
+The steam turbine-governor TGOV1 of the PSS/E model library, in deviations from the equilibrium, with the dead band of
+IEEE Std 1207 (type without a step at its edge):
+
+.. math::
+
+    e &= -\,\mathrm{db}(\omega - 1),\quad \mathrm{db}(x) = x - [x]_{-d}^{d}               & (G1)\\
+    T_1\,\dot g &= K e - g,\quad 0 \le P_{m0} + g \le P_{max}                           & (G2)\\
+    T_3\,\dot x &= g - x,\quad P_m = P_{m0} + x + (T_2/T_3)(g - x)                        & (G3)
+
+K is the reciprocal of the droop R. The damping term of TGOV1 is left out, because the machine has one.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from errorscreen.effects.base import Effect, strength, value
+from errorscreen.engine.vmath import clip, hold_at_limits
+
+_P_MAX = 1.2
+
+
+def tgov1(
+    value: Any, omega: Any, Pm0: Any, g: Any, x: Any, K: Any, db: Any, T1: Any, T2_T3: Any, T3: Any
+) -> Any:
+    """Mechanical power and derivatives of valve and turbine, (G1) to (G3)."""
+    speed = omega - 1.0
+    e = clip(speed, -db, db) - speed
+    # limits never cut into the equilibrium, so that K = 0 is an identity at any loading
+    low, high = clip(-Pm0, -1e9, 0.0), clip(_P_MAX - Pm0, 0.0, 1e9)
+    gate = clip(g, low, high)
+    return (
+        value + x + T2_T3 * (gate - x),
+        hold_at_limits(g, (K * e - g) / T1, low, high),
+        (gate - x) / T3,
+    )
+
+
+GOVERNOR = Effect(
+    name="governor",
+    title="Turbine-governor (TGOV1) with dead band",
+    port="Pm",
+    equations=tgov1,
+    parameters=(
+        strength("K", 20.0, 50.0, "pu", "governor", "K", "gain, reciprocal of the droop; 0: constant power"),
+        value("db", 0.0006, 0.0, 0.004, "pu", "governor", "d", "half width of the dead band of speed"),
+        value("T1", 0.3, 0.05, 1.0, "s", "governor", "T_1", "time constant of the valve"),
+        value("T2_T3", 0.3, 0.0, 1.0, "", "governor", "T_2/T_3", "share of the power without reheat delay"),
+        value("T3", 5.0, 0.5, 12.0, "s", "governor", "T_3", "time constant of the turbine"),
+    ),
+    states=("g", "x"),
+    description="The governor lowers the mechanical power when the speed rises. A model with constant mechanical power "
+    "swings about another mean after the fault and is damped differently; below the dead band nothing happens.",
+    source="PSS/E model library, TGOV1; IEEE Std 1207, dead band",
+    confused_with=("a larger damping coefficient D", "a power system stabiliser", "a forced oscillation"),
+)

@@ -1,0 +1,83 @@
+r"""Latent input: an unknown signal added at a port, to find where something enters that no effect explains.
+
+Piecewise linear between knots :math:`t_i`, zero before the event and after the last knot:
+
+.. math:: u = u^* + \sum_i a_i\,\Lambda_i(t)                                                   \qquad (I1)
+
+with hat functions :math:`\Lambda_i`. The knots lie closer together just after the event than later:
+:math:`s(t) = \sqrt{(t - t_e)/W}\,N` maps time after the event to the number of a knot, so that a window of W seconds
+after the event at :math:`t_e` holds N of them.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from errorscreen.effects.base import Effect, Values
+from errorscreen.engine.vmath import clip
+from errorscreen.parameters import Parameter
+
+#: number N of knots
+KNOTS = 16
+
+
+def latent(
+    value: Any, t: Any, te: Any, rate: Any, on: Any,
+    a0: Any, a1: Any, a2: Any, a3: Any, a4: Any, a5: Any, a6: Any, a7: Any,
+    a8: Any, a9: Any, a10: Any, a11: Any, a12: Any, a13: Any, a14: Any, a15: Any,
+) -> Any:  # fmt: skip
+    """Quantity with the added signal, and the clock, (I1)."""
+    s = np.sqrt(clip((t - te) * rate, 0.0, 1e9))
+    u = (
+        a0 * clip(1.0 - np.abs(s - 1.0), 0.0, 1.0) + a1 * clip(1.0 - np.abs(s - 2.0), 0.0, 1.0)
+        + a2 * clip(1.0 - np.abs(s - 3.0), 0.0, 1.0) + a3 * clip(1.0 - np.abs(s - 4.0), 0.0, 1.0)
+        + a4 * clip(1.0 - np.abs(s - 5.0), 0.0, 1.0) + a5 * clip(1.0 - np.abs(s - 6.0), 0.0, 1.0)
+        + a6 * clip(1.0 - np.abs(s - 7.0), 0.0, 1.0) + a7 * clip(1.0 - np.abs(s - 8.0), 0.0, 1.0)
+        + a8 * clip(1.0 - np.abs(s - 9.0), 0.0, 1.0) + a9 * clip(1.0 - np.abs(s - 10.0), 0.0, 1.0)
+        + a10 * clip(1.0 - np.abs(s - 11.0), 0.0, 1.0) + a11 * clip(1.0 - np.abs(s - 12.0), 0.0, 1.0)
+        + a12 * clip(1.0 - np.abs(s - 13.0), 0.0, 1.0) + a13 * clip(1.0 - np.abs(s - 14.0), 0.0, 1.0)
+        + a14 * clip(1.0 - np.abs(s - 15.0), 0.0, 1.0) + a15 * clip(1.0 - np.abs(s - 16.0), 0.0, 1.0)
+    )  # fmt: skip
+    return value + on * u, 1.0 + 0.0 * t
+
+
+def _start(values: Values, h: float) -> Values:
+    one = np.ones_like(values["on"])
+    return {"te": values["t_event"] * one, "rate": KNOTS**2 / (values["t_stop"] - values["t_event"]) * one}
+
+
+def latent_input(port: str, size: float) -> Effect:
+    """Unknown signal at a port.
+
+    Parameters
+    ----------
+    port : str
+    size : float
+        Largest value of the signal, in the unit of the port.
+
+    Examples
+    --------
+    >>> latent_input("Pm", 0.5).name
+    'latent_Pm'
+    """
+    of = f"latent input at {port}"
+    knots = tuple(
+        Parameter(f"a{i}", 0.0, -size, size, "", of, f"a_{i}", f"value at knot {i + 1}", scale=size)
+        for i in range(KNOTS)
+    )
+    return Effect(
+        name=f"latent_{port}",
+        title=f"Unknown signal at {port}",
+        port=port,
+        equations=latent,
+        parameters=(Parameter("on", 1.0, 0.0, 1.0, "", of, "on", "0: none"), *knots),
+        states=("t",),
+        derived=("te", "rate"),
+        initialise=_start,
+        kind="latent",
+        description="A signal of free shape, to find where in the model something enters that no effect explains.",
+        source="equation (I1)",
+        confused_with=("any effect at the same port",),
+    )

@@ -1,0 +1,136 @@
+r"""Measurement effects: what a transducer, a meter or a clock does to a channel.
+
+.. math::
+
+    y &= (1 + a)\,u                                                                     & (N1)\\
+    y &= u + b                                                                          & (N2)\\
+    y(t) &= u(t - d)                                                                     & (N3)\\
+    T\,\dot y &= u - y                                                                    & (N4)\\
+    y_{k+1} &= \alpha\,y_k + \beta_0 u_k + \beta_1 u_{k+1},\quad \alpha = e^{-h/T},\quad
+    \beta_0 = \tfrac{T}{h}(1 - \alpha) - \alpha,\quad \beta_1 = 1 - \tfrac{T}{h}(1 - \alpha)     & (N5)
+
+Scale (N1), offset (N2), clock skew (N3) and lag (N4). (N5) is the first-order-hold equivalent of (N4), exact for a
+signal that is linear between the steps h of the integration (Franklin, Powell, Workman, *Digital Control of Dynamic
+Systems*, 3rd ed., section 6.3.2); it is stable for any T and becomes the identity at T = 0. A playback starts from the
+recorded power; with (N1) and (N2) the true power is another, and the simulation starts there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from errorscreen.effects.base import Effect, strength
+
+_Array = NDArray[np.float64]
+
+
+def scaled(values: _Array, h: float, a: _Array) -> _Array:
+    """Channel with a scale error, (N1)."""
+    return np.asarray((1.0 + a)[:, None] * values)
+
+
+def offset(values: _Array, h: float, b: _Array) -> _Array:
+    """Channel with an offset, (N2)."""
+    return np.asarray(values + b[:, None])
+
+
+def skewed(values: _Array, h: float, d: _Array) -> _Array:
+    """Channel that is d seconds late, linear between steps, (N3); the first or last value goes on at the ends."""
+    n, length = values.shape
+    position = np.arange(length) - (d / h)[:, None]
+    first = np.clip(np.floor(position).astype(np.int64), 0, length - 1)
+    part = np.clip(position - first, 0.0, 1.0)
+    rows = np.arange(n)[:, None]
+    return np.asarray(
+        values[rows, first] + part * (values[rows, np.minimum(first + 1, length - 1)] - values[rows, first])
+    )
+
+
+def lagged(values: _Array, h: float, T: _Array) -> _Array:
+    """Smoothed channel, at rest before the record begins, (N5)."""
+    positive = np.where(T > 0, T, 1.0)
+    alpha = np.where(T > 0, np.exp(-h / positive), 0.0)
+    ratio = T / h * (1 - alpha)
+    u = values.T  # one instant after the other
+    out = np.empty_like(u)
+    out[0] = u[0]
+    driven = (ratio - alpha) * u[:-1] + (1 - ratio) * u[1:]
+    for k in range(len(driven)):
+        out[k + 1] = alpha * out[k] + driven[k]
+    return np.asarray(np.where(T > 0, out, u).T)
+
+
+def true_of_scaled(value: Any, a: Any) -> Any:
+    """Value before the event without the scale error."""
+    return value / (1.0 + a)
+
+
+def true_of_offset(value: Any, b: Any) -> Any:
+    """Value before the event without the offset."""
+    return value - b
+
+
+def measurement_effects(channels: Iterable[str]) -> tuple[Effect, ...]:
+    """Scale, offset, clock skew and lag of each measured channel.
+
+    Parameters
+    ----------
+    channels : iterable of str
+
+    Returns
+    -------
+    tuple of Effect
+
+    Examples
+    --------
+    >>> [effect.name for effect in measurement_effects(["P"])]
+    ['scale_P', 'offset_P', 'skew_P', 'lag_P']
+    """
+    return tuple(effect for channel in channels for effect in _of_channel(channel))
+
+
+def _of_channel(channel: str) -> tuple[Effect, ...]:
+    of = f"measurement of {channel}"
+    port = f"channel.{channel}"
+    return (
+        Effect(
+            f"scale_{channel}", f"Scale error of {channel}", port, scaled,
+            (strength("a", 0.05, 0.25, "", of, "a", "relative scale error; 0: none", -0.25),),
+            recorded=true_of_scaled, kind="measurement",
+            description=f"A transformer ratio, a calibration or a base is wrong: all of {channel}, its level before "
+            "the event included, is too large or too small by the same factor.",
+            source="IEEE Std C57.13, ratio error",
+            confused_with=("another base power", "parameters that scale the whole response"),
+        ),
+        Effect(
+            f"offset_{channel}", f"Offset of {channel}", port, offset,
+            (strength("b", 0.02, 0.2, "pu", of, "b", "offset; 0: none", -0.2),),
+            recorded=true_of_offset, kind="measurement",
+            description=f"A constant is added to {channel}: auxiliaries or other feeders behind the meter, or a zero "
+            "error.",
+            source="equation (N2)",
+            confused_with=("another operating point", "losses between meter and terminal"),
+        ),
+        Effect(
+            f"skew_{channel}", f"Clock skew of {channel}", port, skewed,
+            (strength("d", 0.02, 0.2, "s", of, "d", "time by which the channel is late; 0: none", -0.2),),
+            kind="measurement",
+            description=f"{channel} is stamped too late or too early against the other channels: every edge is moved "
+            "by the same time.",
+            source="IEEE Std C37.118.1, time error",
+            confused_with=("a lag in the measurement", "a delay in the control"),
+        ),
+        Effect(
+            f"lag_{channel}", f"Lag in the measurement of {channel}", port, lagged,
+            (strength("T", 0.05, 0.5, "s", of, "T", "time constant; 0: none"),),
+            kind="measurement",
+            description=f"The transducer or the meter smooths {channel}: fast edges arrive late and rounded, while "
+            "slow swings are right.",
+            source="Franklin, Powell, Workman, Digital Control of Dynamic Systems, 3rd ed., section 6.3.2",
+            confused_with=("clock skew of the channel", "a slower current regulator"),
+        ),
+    )  # fmt: skip

@@ -1,0 +1,54 @@
+r"""Momentary cessation: below a voltage threshold, and after a timer, a plant stops, waits, and ramps back.
+
+.. math::
+
+    m &= [(V_{th} - V)/\Delta V + \tfrac12]_0^1,\quad \dot\tau = m - (1 - m)\,\tau/T_r             & (R1)\\
+    \dot c &= \big[[(\tau - T_{th})/T_s]_0^1 + c/T_s\big]_0^1                                    & (R2)\\
+    \rho &= 1 - [c/T_s]_0^1\,\big(1 - [(c - T_c)/T_{ramp}]_0^1\big)                            & (R3)\\
+    r &= 1 - s\,(1 - \rho)                                                                  & (R4)
+
+τ counts the time under the threshold (it is reset within T_r = 10 ms once the voltage is back), c the time since the
+stop, r multiplies the current commands. It stops once in an event. The transitions over :math:`\Delta V` = 0.01 pu and
+:math:`T_s` = 5 ms, instead of jumps, let responses follow threshold and timer smoothly.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from errorscreen.effects.base import Effect, strength, value
+from errorscreen.engine.vmath import clip
+
+_T_RESET, _T_SMOOTH, _V_SMOOTH = 0.01, 0.005, 0.01
+
+
+def cessation(value: Any, V: Any, timer: Any, c: Any, s: Any, Vth: Any, Tth: Any, Tc: Any, Tramp: Any) -> Any:
+    """Share of the current that is released, and derivatives of the clocks, (R1) to (R4)."""
+    below = clip((Vth - V) / _V_SMOOTH + 0.5, 0.0, 1.0)
+    stopped = clip(c / _T_SMOOTH, 0.0, 1.0) * (1.0 - clip((c - Tc) / Tramp, 0.0, 1.0))
+    started = clip((timer - Tth) / _T_SMOOTH, 0.0, 1.0)
+    return (
+        value * (1.0 - s * stopped),
+        below - (1.0 - below) * timer / _T_RESET,
+        clip(started + c / _T_SMOOTH, 0.0, 1.0),
+    )
+
+
+RIDE_THROUGH = Effect(
+    name="cessation",
+    title="Momentary cessation with timer and ramp",
+    port="release",
+    equations=cessation,
+    parameters=(
+        strength("s", 1.0, 1.0, "", "ride-through", "s", "share of the current that stops; 0: none"),
+        value("Vth", 0.7, 0.2, 0.95, "pu", "ride-through", "V_th", "voltage below which the timer runs"),
+        value("Tth", 0.03, 0.0, 0.3, "s", "ride-through", "T_th", "time below the threshold until it stops"),
+        value("Tc", 0.3, 0.0, 2.0, "s", "ride-through", "T_c", "duration of the cessation"),
+        value("Tramp", 0.5, 0.05, 4.0, "s", "ride-through", "T_ramp", "duration of the ramp back"),
+    ),
+    states=("timer", "c"),
+    description="The inverters stop injecting when the voltage has been low for a set time, wait, and ramp back. The "
+    "model rides through: it misses the hole in active and reactive power and the slow return.",
+    source="IEEE Std 1547-2018, section 6.4; NERC, 900 MW Fault Induced Solar PV Resource Interruption, 2018",
+    confused_with=("a lower ramp limit after the fault", "priority for reactive current", "a current limit"),
+)

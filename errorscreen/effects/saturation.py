@@ -1,0 +1,49 @@
+r"""Magnetic saturation of a machine whose model is linear.
+
+The quadratic saturation function of the PSS/E and PSLF machine models (GENSAL form) on the transient voltage behind
+X'd, in deviations from the equilibrium:
+
+.. math::
+
+    S(E) &= A\,\big([E - E_1]^+\big)^2                                                    & (B1)\\
+    T'_{d0}\,\dot E'_q &= E_{fd} - \big(S(E'_q) - S(E'_{q0})\big) - E'_q - (X_d - X'_d) I_d   & (B2)
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from errorscreen.effects.base import Effect, Values, strength, value
+from errorscreen.engine.vmath import clip
+
+
+def saturation(value: Any, Eq1: Any, S0: Any, A: Any, E1: Any) -> Any:
+    """Field voltage less what saturation consumes beyond the equilibrium, (B1), (B2)."""
+    over = clip(Eq1 - E1, 0.0, 1e9)
+    return (value - (A * over * over - S0),)
+
+
+def _start(values: Values, h: float) -> Values:
+    return {"S0": values["A"] * np.clip(values["Eq1"] - values["E1"], 0.0, None) ** 2}
+
+
+SATURATION = Effect(
+    name="saturation",
+    title="Magnetic saturation",
+    port="Efd",
+    equations=saturation,
+    parameters=(
+        strength(
+            "A", 3.0, 12.0, "1/pu", "saturation", "A", "curvature of the saturation function; 0: linear"
+        ),
+        value("E1", 0.8, 0.6, 1.1, "pu", "saturation", "E_1", "voltage at which saturation begins"),
+    ),
+    derived=("S0",),
+    initialise=_start,
+    description="Iron saturates: the higher the flux, the more field current it takes. A linear model returns too "
+    "slowly from high voltage and settles at another reactive power.",
+    source="Kundur, Power System Stability and Control, 1994, section 3.8.2; PSLF GENSAL",
+    confused_with=("a smaller T'd0", "another Xd"),
+)
