@@ -90,11 +90,19 @@ def _parser() -> argparse.ArgumentParser:
     demo.add_argument(
         "--seed", type=int, default=0, help="draws the hidden parameters and the noise (default 0)"
     )
+    demo.add_argument("--no-discovery", action="store_true", help="only parameters, no missing effects")
     demo.set_defaults(command=_demo, default_out="errorscreen-demo", interrupted=resumable)
 
     run = commands.add_parser("run", help="the whole job on the recording and the model of a case file")
     run.add_argument("case", metavar="CASE.toml", help="case file")
+    run.add_argument("--no-discovery", action="store_true", help="only parameters, no missing effects")
     run.set_defaults(command=_run, default_out=None, interrupted=resumable)
+
+    diagnose = commands.add_parser(
+        "diagnose", help="what is wrong and what explains it, without network and particle swarm"
+    )
+    diagnose.add_argument("case", metavar="CASE.toml", help="case file")
+    diagnose.set_defaults(command=_diagnose, default_out=None, interrupted=resumable)
 
     bench = commands.add_parser("bench", help="measure speed, or how well the methods work")
     kinds = bench.add_subparsers(required=True, metavar="KIND")
@@ -120,9 +128,24 @@ def _parser() -> argparse.ArgumentParser:
     )
     paper.add_argument("--jobs", type=int, default=-1, help="processes (default: one for each core)")
     paper.set_defaults(command=_bench_paper, default_out="errorscreen-paper", interrupted=resumable)
-    for command in (demo, run, speed, paper):
+    found = kinds.add_parser("discovery", help="how often causes are found, on hidden scenarios")
+    found.add_argument("--case", default="plant", help="plant or ieee39 (default plant)")
+    found.add_argument("--scenarios", type=int, default=200, help="hidden scenarios (default 200)")
+    found.add_argument("--seed", type=int, default=0, help="of everything that is drawn (default 0)")
+    found.add_argument(
+        "--noise-db", type=float, default=40.0, help="level of the response over its noise (default 40)"
+    )
+    found.add_argument(
+        "--least-size",
+        type=float,
+        default=3.0,
+        help="least part of an effect that survives a refit, in multiples of the noise (default 3)",
+    )
+    found.add_argument("--jobs", type=int, default=-1, help="processes (default: one for each core)")
+    found.set_defaults(command=_bench_discovery, default_out="errorscreen-discovery", interrupted=resumable)
+    for command in (demo, run, diagnose, speed, paper, found):
         command.add_argument("--out", metavar="DIR", help="folder for result.json and the report")
-    for command in (demo, run, paper):
+    for command in (demo, run, diagnose, paper, found):
         command.add_argument("--fresh", action="store_true", help="forget the stages of earlier runs in DIR")
         command.add_argument("--quiet", action="store_true", help="no progress")
     return parser
@@ -133,7 +156,7 @@ def _demo(options: argparse.Namespace, out: str) -> None:
 
     if options.seed < 0:
         raise InputError(f"the seed is {options.seed}", where="--seed", allowed="a whole number >= 0")
-    _study(lambda: demo_study(options.seed), Path(out), options)
+    _study(lambda: demo_study(options.seed, not options.no_discovery), Path(out), options)
 
 
 def _run(options: argparse.Namespace, out: str | None) -> None:
@@ -141,9 +164,31 @@ def _run(options: argparse.Namespace, out: str | None) -> None:
     from errorscreen.workflow import Study
 
     case = load_case(options.case)
+    if options.no_discovery:
+        case = case.model_copy(update={"discovery": case.discovery.model_copy(update={"enabled": False})})
+    _study(lambda: Study.from_case(case), _case_folder(options, case, out, "results"), options)
+
+
+def _diagnose(options: argparse.Namespace, out: str | None) -> None:
+    from errorscreen.cases import load_case
+    from errorscreen.workflow import Study
+
+    case = load_case(options.case)
+    changes = {
+        "screening": case.screening.model_copy(update={"methods": ["sensitivity"]}),
+        "calibration": case.calibration.model_copy(update={"methods": ["map"]}),
+        "discovery": case.discovery.model_copy(update={"enabled": True}),
+    }
+    case = case.model_copy(update=changes)
+    _study(lambda: Study.from_case(case), _case_folder(options, case, out, "diagnosis"), options)
+
+
+def _case_folder(options: argparse.Namespace, case: Any, out: str | None, kind: str) -> Path:
+    """Output folder: the one asked for, that of the case file, or one beside the caller."""
     path = Path(options.case)
-    default = path.parent / case.run.out if case.run.out else Path(f"{path.stem}-results")
-    _study(lambda: Study.from_case(case), default if out is None else Path(out), options)
+    if out is not None:
+        return Path(out)
+    return path.parent / case.run.out if case.run.out else Path(f"{path.stem}-{kind}")
 
 
 def _bench_speed(options: argparse.Namespace, out: str) -> None:
@@ -180,6 +225,29 @@ def _bench_paper(options: argparse.Namespace, out: str) -> None:
     )
 
 
+def _bench_discovery(options: argparse.Namespace, out: str) -> None:
+    from errorscreen.bench import discovery_study
+
+    folder = _writable(Path(out))
+    if options.fresh:
+        shutil.rmtree(folder / "stages", ignore_errors=True)
+    show = not options.quiet
+    discovery_study(
+        folder,
+        lambda line: print(line, file=sys.stderr, flush=True) if show else None,
+        case=options.case,
+        scenarios=options.scenarios,
+        seed=options.seed,
+        noise_db=options.noise_db,
+        least_size=options.least_size,
+        n_jobs=options.jobs,
+        progress=show,
+    )
+    print((folder / "tables.md").read_text(encoding="utf-8"))
+    written = ("result.json", "tables.md", "power.png", "reliability.png")
+    print("Written: " + ", ".join(str(folder / name) for name in written))
+
+
 def _study(prepare: Callable[[], Any], out: Path, options: argparse.Namespace) -> None:
     from errorscreen.workflow import run_study, write_outputs
 
@@ -196,6 +264,11 @@ def _study(prepare: Callable[[], Any], out: Path, options: argparse.Namespace) -
     )
     written = write_outputs(outcome, out)
     print(f"{study.title}: {outcome.verdict.kind}\n{outcome.verdict.text}")
+    if outcome.discovered is not None:
+        for cause in outcome.discovered.meta["causes"][:3]:
+            print(f"  {cause['probability']:.2f}  {cause['title']}")
+        for sentence in outcome.discovered.meta["advice"]:
+            print(f"Next: {sentence}")
     failed = _failed(outcome)
     if failed:
         print(failed)

@@ -59,10 +59,14 @@ class Playback(Event):
         ``"V"`` magnitude in pu and, where recorded, ``"angle"`` in rad.
     initial : mapping of str to float
         Pre-event values that the equilibrium is computed from: ``"V"``, ``"P"``, ``"Q"`` in pu.
+    noise : mapping of str to float
+        Standard deviation of the noise of what was measured of the signals: ``"V"``, and ``"angle"``, or ``"f"`` where
+        the angle is the integral of a frequency. Empty for signals without noise.
     """
 
     signals: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
     initial: Mapping[str, float] = field(default_factory=dict)
+    noise: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         super().__post_init__()

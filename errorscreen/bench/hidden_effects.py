@@ -7,10 +7,10 @@ Models that are fitted never see these equations. Other forms are right if they 
     e &= V_0 - V,\quad E_{fd} = E_{fd0} + \big[K e + K_I\textstyle\int e\,dt\big]_{low}^{high}\ \text{lagged}  & (H1)\\
     e &= -(\omega - 1)\ \text{if}\ |\omega - 1| > d\ \text{else}\ 0                                             & (H2)\\
     S(E) &= A\,E^{n} - A\,E_0^{n}                                                                            & (H3)\\
-    T^2\ddot y/4 &+ T\dot y + y = u                                                                           & (H4)
+    \big(1 + \tfrac{T}{3}\tfrac{d}{dt}\big)^3 y &= u                                                            & (H4)
 
 an exciter with a proportional-integral regulator, a governor whose dead band has a step at its edge, an exponential
-saturation, and two equal lags in series. Outside of the library:
+saturation, and three equal lags in series. Outside of the library:
 
 .. math::
 
@@ -59,9 +59,10 @@ def exponential_saturation(value: Any, Eq1: Any, S0: Any, A: Any) -> Any:
     return (value - (A * E2 * E2 * E2 - S0),)
 
 
-def two_lags(value: Any, y: Any, z: Any, T: Any) -> Any:
-    """Two equal lags in series, (H4)."""
-    return select(T > 0.0, z, value), 2.0 * (value - y) / (T + 1e-9), 2.0 * (y - z) / (T + 1e-9)
+def three_lags(value: Any, x: Any, y: Any, z: Any, T: Any) -> Any:
+    """Three equal lags in series, (H4)."""
+    rate = 3.0 / (T + 1e-9)
+    return select(T > 0.0, z, value), rate * (value - x), rate * (x - y), rate * (y - z)
 
 
 def brake(value: Any, omega: Any, V: Any, A: Any, d: Any) -> Any:
@@ -89,7 +90,7 @@ def _start_saturation(values: Values, h: float) -> Values:
 
 
 def _start_lags(level: Any) -> Any:
-    return {"y": level, "z": level}
+    return {"x": level, "y": level, "z": level}
 
 
 def _start_active(values: Values, h: float) -> Values:
@@ -130,15 +131,15 @@ OTHER_FORMS: dict[str, tuple[tuple[Effect, str], ...]] = {
                 derived=("S0",), initialise=_start_saturation), "saturation"),
     ),
     "dfig_plant": (
-        (Effect("two_lags_active", "Two lags", "Ip_cmd", two_lags, (_s("T", 0.3),), states=("y", "z"),
+        (Effect("three_lags_active", "Three lags", "Ip_cmd", three_lags, (_s("T", 0.3),), states=("x", "y", "z"),
                 initialise=_start_active), "lag_active"),
-        (Effect("two_lags_reactive", "Two lags", "Qcmd", two_lags, (_s("T", 0.3),), states=("y", "z"),
+        (Effect("three_lags_reactive", "Three lags", "Qcmd", three_lags, (_s("T", 0.3),), states=("x", "y", "z"),
                 initialise=_start_Q), "lag_reactive"),
     ),
     "pv_plant": (
-        (Effect("two_lags_active", "Two lags", "Ip_cmd", two_lags, (_s("T", 0.3),), states=("y", "z"),
+        (Effect("three_lags_active", "Three lags", "Ip_cmd", three_lags, (_s("T", 0.3),), states=("x", "y", "z"),
                 initialise=_start_active), "lag_active"),
-        (Effect("two_lags_reactive", "Two lags", "Iq_cmd", two_lags, (_s("T", 0.3),), states=("y", "z"),
+        (Effect("three_lags_reactive", "Three lags", "Iq_cmd", three_lags, (_s("T", 0.3),), states=("x", "y", "z"),
                 initialise=_start_reactive), "lag_reactive"),
     ),
 }  # fmt: skip

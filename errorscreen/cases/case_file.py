@@ -12,6 +12,7 @@ from pydantic import BaseModel, Field, PrivateAttr, ValidationError
 from errorscreen.cases.case_models import (
     CalibrationSection,
     DeviceSection,
+    DiscoverySection,
     RecordingSection,
     RunSection,
     ScreeningSection,
@@ -64,6 +65,7 @@ class Case(Section):
     simulation: SimulationSection = SimulationSection()
     screening: ScreeningSection = ScreeningSection()
     calibration: CalibrationSection = CalibrationSection()
+    discovery: DiscoverySection = DiscoverySection()
     run: RunSection = RunSection()
     _folder: Path = PrivateAttr(default_factory=Path)
 

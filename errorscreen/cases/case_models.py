@@ -233,6 +233,25 @@ class CalibrationSection(Section):
         return self
 
 
+class DiscoverySection(Section):
+    """How causes that are no parameters are searched."""
+
+    enabled: bool = Field(default=True, description="whether they are searched")
+    effects: list[str] | None = Field(
+        default=None, description="effects to try; all of the library if not given"
+    )
+    max_effects: Annotated[int, Field(ge=1, le=3)] = Field(
+        default=2, description="largest number of effects that are named together"
+    )
+    fits: Count = Field(default=6, description="effects whose joint fit goes on to the end")
+    draws: Annotated[int, Field(ge=8)] = Field(
+        default=128, description="draws of an effect's parameters in each round of its signature"
+    )
+    significance: Annotated[float, Field(gt=0, lt=1)] = Field(
+        default=0.002, description="probability below which what is left counts as more than noise"
+    )
+
+
 class RunSection(Section):
     """How the computation is run."""
 

@@ -11,6 +11,7 @@ from errorscreen.discovery.diagnosis import (
     stage_errors,
 )
 from errorscreen.discovery.finder import Cause, CauseFinder, Group
+from errorscreen.discovery.gain import EventGain, Gain, measure_gain
 from errorscreen.discovery.hypotheses import Hypothesis
 from errorscreen.discovery.latent import Place, rank_places
 from errorscreen.discovery.remainder import Cell, Remainder, remainder_test
@@ -20,6 +21,8 @@ __all__ = [
     "CauseFinder",
     "Cell",
     "ChannelFit",
+    "EventGain",
+    "Gain",
     "Group",
     "Hypothesis",
     "Place",
@@ -29,6 +32,7 @@ __all__ = [
     "channel_fits",
     "held_out_limit",
     "judge",
+    "measure_gain",
     "noise_limit",
     "rank_places",
     "remainder_test",

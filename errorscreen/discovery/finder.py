@@ -14,6 +14,7 @@ from sklearn.utils.validation import check_is_fitted
 from errorscreen.calibration import MAPCalibrator
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery.diagnosis import Verdict, channel_fits, judge, noise_limit
+from errorscreen.discovery.gain import Gain, measure_gain
 from errorscreen.discovery.hypotheses import (
     PRIOR,
     Hypothesis,
@@ -38,13 +39,23 @@ _MISSING = 0.5
 #: hypotheses at most so many times less probable than the best cannot be told from it
 _ALIKE = 20.0
 #: single effects to which a second one is added
-_BEAM = 3
+_BEAM = 2
 #: an effect that does not promise to lower the objective by this much is not fitted beside parameters that suffice
 _WORTH = 4.0
-#: iterations of every joint fit, starts that are kept after them, iterations of those that get furthest
-_FIRST, _KEPT, _REST = 6, 2, 30
+#: effects with the best signatures, for each that is fitted to the end, whose joint fit begins
+_TRIED = 2
+#: starts that are followed and iterations at a time, starts that are kept after the first, times that those that got
+#: furthest go on
+_BEGUN, _FIRST, _KEPT, _SLICES = 3, 5, 2, 6
+#: a joint fit goes on while its distance from the best is less than so many times what it gained last
+_HOPE = 20.0
+#: a fit whose χ²/N is at most this is tried with a step so many times smaller
+_NEAR, _FINER = 50.0, 4
+#: logarithm of the evidence by which an effect must beat parameters that leave nothing beyond noise: errors of size of
+#: the noise that no one has modelled would otherwise be named
+_MARGIN = 10.0
 #: simulations of all parameters together, from which further starts of a single effect are taken
-_MATCHES = 512
+_MATCHES = 256
 
 _Array = NDArray[np.float64]
 
@@ -109,7 +120,7 @@ class CauseFinder(BaseEstimator):
         Effects whose joint fit goes on to the end: those that get furthest in a few iterations.
     n_draws : int, default 128
         Draws of an effect's parameters for its signature.
-    significance : float, default 0.005
+    significance : float, default 0.002
         What is left counts as more than noise where noise alone would be so conspicuous with this probability.
     n_starts, library_size : int
         Of the fit without effects, see `MAPCalibrator`.
@@ -127,9 +138,11 @@ class CauseFinder(BaseEstimator):
         The most probable first; probabilities sum to 1.
     groups_ : list of Group
     hypotheses_ : list of Hypothesis
-        All that were fitted, by falling evidence.
+        All that were fitted, by falling evidence, with `Remainder.excess` in place of χ².
     remainders_ : dict of str to Remainder
         Test of what each of them leaves, by its name.
+    scores_ : dict of str to float
+        Logarithm of the evidence of each hypothesis, (D1) with `Remainder.excess` in place of χ².
     signatures_ : dict of str to float
         Objective that each effect promised.
     places_ : list of Place
@@ -138,6 +151,8 @@ class CauseFinder(BaseEstimator):
         The simulator with what was found, at its fitted values; without an effect the calibrated one.
     recalibrated_simulator_ : Simulator
         The simulator without effects at its fitted values.
+    placebo_ : Hypothesis or None
+        A wrong effect that was fitted, to compare a gain with.
     n_simulations_ : int
 
     Examples
@@ -158,8 +173,8 @@ class CauseFinder(BaseEstimator):
         max_effects: int = 2,
         n_fits: int = 6,
         n_draws: int = 128,
-        significance: float = 0.005,
-        n_starts: int = 8,
+        significance: float = 0.002,
+        n_starts: int = 4,
         library_size: int = 2048,
         events: Iterable[Event] | None = None,
         random_state: Any = None,
@@ -203,13 +218,16 @@ class CauseFinder(BaseEstimator):
         self.hypotheses_: list[Hypothesis] = []
         self.remainders_: dict[str, Remainder] = {}
         self.signatures_: dict[str, float] = {}
+        self.scores_: dict[str, float] = {}
         self.places_: list[Place] = []
         nominal = [self.simulator.baseline(o.event) for o in observations]
         base = self._base(observations)
         self._add(base)
+        base = self._polish(base)
         if self.max_effects and not self._noise_at_nominal(observations, nominal):
             self._extend(base, observations, candidates, 1)
-        self._eliminate(observations)
+        self._eliminate()
+        base = next(h for h in self.hypotheses_ if not h.effects)
         self._rank()
         self._judge(base, observations, nominal)
         self.n_simulations_ = self._count
@@ -286,6 +304,8 @@ class CauseFinder(BaseEstimator):
         )
         self.hypotheses_.append(hypothesis)
         self.remainders_[hypothesis.name] = remainder
+        # (D1) with the excess over noise in place of χ²
+        self.scores_[hypothesis.name] = hypothesis.evidence + 0.5 * (hypothesis.chi2 - remainder.excess)
         self._tell(
             f"  {hypothesis.name}: χ²/N {hypothesis.chi2_per_sample:.3f}, noise alone p = {remainder.p_value:.3f}"
         )
@@ -307,7 +327,11 @@ class CauseFinder(BaseEstimator):
         others = [effect for effect in candidates if effect.name not in tried]
         self._tell(f"signatures of {len(others)} effects beside {base.name}")
         signatures = self._signatures(base, observations, others)
-        fitted = [hypothesis for _, hypothesis in self._compete(base, signatures)]
+        self._tell(f"joint fits of {min(len(signatures), _TRIED * self.n_fits)} of them")
+        fitted = self._compete(base, signatures[: _TRIED * self.n_fits])
+        if fitted and not any(map(self._adequate, self.hypotheses_)):
+            best = min(range(len(fitted)), key=lambda i: fitted[i].objective)
+            fitted[best] = self._polish(fitted[best])
         if depth < self.max_effects and not any(map(self._adequate, self.hypotheses_)):
             fitted.sort(key=lambda h: -h.evidence)
             for hypothesis in fitted[:_BEAM]:
@@ -315,30 +339,76 @@ class CauseFinder(BaseEstimator):
                 if any(map(self._adequate, self.hypotheses_)):
                     break
 
-    def _eliminate(self, observations: Sequence[Observation]) -> None:
-        """Fit the best adequate hypothesis without each of its effects: forward selection may have started wrongly."""
-        adequate = [h for h in self.hypotheses_ if len(h.effects) > 1 and self._adequate(h)]
-        if not adequate:
+    def _polish(self, hypothesis: Hypothesis) -> Hypothesis:
+        """Fit a hypothesis that comes near to noise further, with a smaller step and the noise that belongs to it.
+
+        What it leaves may be the error of the integration, or noise of the injected signals that passes through the
+        model with its effects otherwise than through the nominal one. If that makes it adequate, all others that come
+        near are treated in the same way, so that evidences stay comparable.
+        """
+        if self._adequate(hypothesis) or hypothesis.chi2_per_sample > _NEAR:
+            return hypothesis
+        simulator = hypothesis.simulator.refined(_FINER)
+        observations = [simulator.quantified(o, hypothesis.theta) for o in hypothesis.observations]
+        finer = self._finer(hypothesis, observations)
+        if finer is None:
+            return hypothesis
+        self._replace(hypothesis, finer)
+        if self._adequate(finer):
+            for other in list(self.hypotheses_):
+                if other is not finer and other.chi2_per_sample < _NEAR:
+                    better = self._finer(other, observations)
+                    if better is not None:
+                        self._replace(other, better)
+        return finer
+
+    def _finer(self, hypothesis: Hypothesis, observations: Sequence[Observation]) -> Hypothesis | None:
+        """The same hypothesis fitted with a smaller step to observations of another uncertainty; None if that fails."""
+        simulator = hypothesis.simulator
+        if simulator.settings().get("step") == self.simulator.settings().get("step"):
+            simulator = simulator.refined(_FINER)
+        problem = FitProblem(simulator, list(observations), hypothesis.names)
+        try:
+            return JointFit(hypothesis.effects, problem, hypothesis.u).run(_FIRST * 2).hypothesis()
+        except SimulationError:
+            return None
+        finally:
+            self._count += problem.n_simulations
+
+    def _replace(self, old: Hypothesis | None, new: Hypothesis) -> None:
+        """Take a better fit of the same hypothesis."""
+        self.hypotheses_ = [h for h in self.hypotheses_ if h is not old]
+        self._add(new)
+
+    def _eliminate(self) -> None:
+        """Fit the best adequate hypothesis without each of its effects.
+
+        Forward selection may have started wrongly; and a fit without effects that was stuck in a local minimum looks
+        exactly like a missing effect, so it is tried again from where the effect has led.
+        """
+        adequate = [h for h in self.hypotheses_ if self._adequate(h)]
+        if not adequate or not max(adequate, key=lambda h: self.scores_[h.name]).effects:
             return
-        best = max(adequate, key=lambda h: h.evidence)
+        best = max(adequate, key=lambda h: self.scores_[h.name])
         for dropped in best.effects:
             effects = tuple(e for e in best.effects if e is not dropped)
             simulator = self.simulator
+            if best.simulator.settings().get("step") != simulator.settings().get("step"):
+                simulator = simulator.refined(_FINER)  # as the best one was
             for effect in effects:
                 simulator = simulator.extend(effect)
-            problem = FitProblem(simulator, list(observations))
+            problem = FitProblem(simulator, list(best.observations))
             keep = [j for j, name in enumerate(best.names) if name in problem.names]
             order = [best.names[j] for j in keep]
             u = best.u[keep][[order.index(name) for name in problem.names]]
-            hypothesis = JointFit(effects, problem, u).run(_REST).hypothesis()
+            hypothesis = JointFit(effects, problem, u).run(_FIRST * _SLICES).hypothesis()
             self._count += problem.n_simulations
             before = next((h for h in self.hypotheses_ if set(h.effects) == set(effects)), None)
             if before is None or hypothesis.objective < before.objective:
-                self.hypotheses_ = [h for h in self.hypotheses_ if h is not before]
-                self._add(hypothesis)
+                self._replace(before, hypothesis)
 
-    def _compete(self, base: Hypothesis, signatures: Sequence[Signature]) -> list[tuple[float, Hypothesis]]:
-        """Fit all effects for a few iterations each and those that get furthest to the end."""
+    def _compete(self, base: Hypothesis, signatures: Sequence[Signature]) -> list[Hypothesis]:
+        """Fit effects for a few iterations each and those that get furthest to the end."""
         threshold = base.objective - _WORTH if self._adequate(base) else np.inf
         known = {frozenset(e.name for e in h.effects) for h in self.hypotheses_}
         fits = []
@@ -347,17 +417,26 @@ class CauseFinder(BaseEstimator):
             if found.objective > threshold or frozenset(e.name for e in effects) in known:
                 continue
             try:
-                fits.append(JointFit(effects, found.problem, found.starts).run(_FIRST).keep(_KEPT))
+                fits.append(
+                    JointFit(effects, found.problem, found.starts).keep(_BEGUN).run(_FIRST).keep(_KEPT)
+                )
             except SimulationError:
                 self._count += found.problem.n_simulations
         fits.sort(key=lambda fit: fit.objective)
+        self._count += sum(fit.problem.n_simulations for fit in fits[self.n_fits :])
+        fits = fits[: self.n_fits]
+        running = list(fits)
+        for _ in range(_SLICES):
+            running = [fit.run(_FIRST) for fit in running if fit.active]
+            # one that has come to rest far above the best will not catch up
+            best = min((fit.objective for fit in fits), default=0.0)
+            running = [fit for fit in running if fit.objective - best < _HOPE * max(fit.gained, 1.0)]
         done = []
-        for number, fit in enumerate(fits):
-            if number < self.n_fits:
-                hypothesis = fit.run(_REST).hypothesis()
-                self._add(hypothesis)
-                done.append((hypothesis.objective, hypothesis))
+        for fit in fits:
+            hypothesis = fit.hypothesis()
             self._count += fit.problem.n_simulations
+            self._add(hypothesis)
+            done.append(hypothesis)
         return done
 
     def _signatures(
@@ -384,17 +463,22 @@ class CauseFinder(BaseEstimator):
 
     def _rank(self) -> None:
         """Probabilities of the adequate hypotheses and of "unknown"."""
-        self.hypotheses_.sort(key=lambda h: -h.evidence)
+        self.hypotheses_.sort(key=lambda h: -self.scores_[h.name])
         adequate = [h for h in self.hypotheses_ if self._adequate(h)]
+        base = next(h for h in self.hypotheses_ if not h.effects)
+        lead = max((self.scores_[h.name] for h in adequate), default=-np.inf) - self.scores_[base.name]
+        if base not in adequate and adequate and lead < _MARGIN:
+            adequate.append(base)  # a conspicuous cell, but nothing that an effect explains better
         tried = max(1, len(self.signatures_))
+        suffice = any(not h.effects for h in adequate)
         logs = []
         for h in adequate:
             prior = 1.0 - _MISSING if not h.effects else _MISSING / tried ** len(h.effects)
-            logs.append(h.evidence + np.log(prior))
+            logs.append(self.scores_[h.name] + np.log(prior) - (_MARGIN if suffice and h.effects else 0.0))
         # what nobody has thought of, the more probable the less what is left looks like noise
         weights = np.exp(np.array(logs) - max(logs)) if logs else np.zeros(0)
         if logs:
-            p = self.remainders_[adequate[int(np.argmax(logs))].name].p_value
+            p = max(self.remainders_[adequate[int(np.argmax(logs))].name].p_value, self.significance)
             weights = np.append(weights, weights.sum() * self.significance / p)
         else:
             weights = np.ones(1)
@@ -431,8 +515,55 @@ class CauseFinder(BaseEstimator):
             members = [by_name[c.name] for c in explained]
             self.groups_ = [Group(tuple(c.name for c in explained), self._separating(members))]
         self.recalibrated_simulator_ = self.simulator.with_nominal(base.theta)
+        self.placebo_ = self._placebo()
         self.extended_simulator_ = self._chosen.simulator.with_nominal(self._chosen.theta)
         self.verdict_ = self._verdict(base, observations, nominal)
+
+    def _placebo(self) -> Hypothesis | None:
+        """Fitted hypothesis with one wrong effect: at least as many parameters as what was chosen, if there is one."""
+        used = {e.name for h in self.hypotheses_ if self._adequate(h) for e in h.effects}
+        chosen = sum(len(e.parameters) for e in self._chosen.effects)
+        wrong = [h for h in self.hypotheses_ if len(h.effects) == 1 and h.effects[0].name not in used]
+        if not self._chosen.effects or not wrong:
+            return None
+        return max(wrong, key=lambda h: (min(len(h.effects[0].parameters), chosen), h.evidence))
+
+    def measure_gain(self, held_out: Any) -> Gain:
+        """Gain of the extended simulator on recordings that were not fitted; an extension without gain is withdrawn.
+
+        The placebo is the best fitted wrong effect with as many parameters.
+
+        Parameters
+        ----------
+        held_out : Observation, or anything ``simulator.observe`` takes, or a list of them
+
+        Returns
+        -------
+        Gain
+            If its interval does not exclude zero, or the placebo gains more, the verdict becomes "unknown" and
+            `extended_simulator_` the recalibrated one.
+        """
+        check_is_fitted(self, "extended_simulator_")
+        placebo = self.placebo_
+        gain = measure_gain(
+            self.simulator,
+            self.recalibrated_simulator_,
+            self.extended_simulator_,
+            held_out,
+            placebo=None if placebo is None else placebo.simulator.with_nominal(placebo.theta),
+            random_state=self._seed,
+        )
+        if self.verdict_.kind in ("effect", "measurement") and not gain.holds:
+            low, high = gain.interval
+            self.extended_simulator_ = self.recalibrated_simulator_
+            self.verdict_ = Verdict(
+                "unknown",
+                f"{self.causes_[0].title} explains what was fitted but gains nothing on recordings that were not: "
+                f"{gain.gain:.2f} [{low:.2f}, {high:.2f}] of the squared error"
+                + ("" if gain.placebo is None else f", a placebo {gain.placebo:.2f}")
+                + ". The extension is withdrawn.",
+            )
+        return gain
 
     def _separating(self, members: Sequence[Hypothesis]) -> tuple[tuple[str, str, float], ...]:
         """Events and channels in which the two most probable members differ most."""
@@ -475,12 +606,6 @@ class CauseFinder(BaseEstimator):
         return self._unknown(base, observations, figures)
 
     def _unknown(self, base: Hypothesis, observations: Sequence[Observation], figures: str) -> Verdict:
-        if not base.converged:
-            return Verdict(
-                "unknown",
-                f"The search without effects did not end at a minimum, so nothing can be concluded. {figures} Allow "
-                "more starts, or narrow the bounds.",
-            )
         self._tell("places of an unknown signal")
         self.places_, count = rank_places(base, observations)
         self._count += count
@@ -492,10 +617,16 @@ class CauseFinder(BaseEstimator):
                 f"({place.text})."
             )
         best = self.hypotheses_[0]
+        doubt = ""
+        if not base.converged:
+            doubt = (
+                " The search without effects did not end at a minimum, so that other values of the parameters may do "
+                "better: allow more starts, or narrow the bounds."
+            )
         return Verdict(
             "unknown",
             f"Neither parameters nor any effect of the library leave only noise; the closest, {best.name}, leaves χ²/N "
-            f"{best.chi2_per_sample:.3g}. {figures}{where}",
+            f"{best.chi2_per_sample:.3g}. {figures}{where}{doubt}",
         )
 
 

@@ -5,9 +5,10 @@ models is compared: as it was, recalibrated, and extended. The gain is
 
 .. math:: g = 1 - \frac{\sum z_{ext}^2}{\sum z_{recal}^2}                                        \qquad (D4)
 
-over all held-out events. Its interval comes from a bootstrap over events and, within each, over blocks of time
-(the moving-block bootstrap of Künsch, Ann. Statist. 17, 1989, because errors are smooth in time). What a *placebo* gains,
-the extension by another effect with at least as many parameters, shows how much any additional freedom would have gained.
+over all held-out events. Its interval comes from a bootstrap over events and, within each, over blocks of time (the
+moving-block bootstrap of Künsch, Ann. Statist. 17, 1989, because errors are smooth in time). What a *placebo* gains,
+the extension by another effect with at least as many parameters, shows how much any additional freedom would have
+gained.
 """
 
 from __future__ import annotations
@@ -128,7 +129,9 @@ def measure_gain(
             old += float(squares[1][event][index].sum())
             new += float(squares[2][event][index].sum())
         draws[i] = _gain(old, new)
-    low, high = np.quantile(draws, [0.5 - level / 2, 0.5 + level / 2])
+    low = high = -np.inf
+    if np.isfinite(draws).all():
+        low, high = np.quantile(draws, [0.5 - level / 2, 0.5 + level / 2])
     other = None
     if placebo is not None:
         other = _gain(sum(totals[1]), sum(float(row.sum()) for row in _squares(placebo, observations)))

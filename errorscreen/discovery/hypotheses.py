@@ -35,6 +35,8 @@ _TOL, _STEP = 1e-2, 1e-4
 _ENDED = ("converged", "kink")
 #: draws of later rounds scatter by these shares of the ranges around so many of the best
 _SPREADS, _ELITE = (0.1, 0.03, 0.01), 8
+#: draws of an effect with a single parameter; with d parameters so many times d squared, up to what is asked for
+_DRAWS_PER_SQUARE = 12
 
 _Array = NDArray[np.float64]
 
@@ -153,6 +155,7 @@ class JointFit:
         self._search.begin(starts)
         if not self._search.tracks:
             raise problem.no_success()
+        self.gained = np.inf
 
     @property
     def objective(self) -> float:
@@ -160,11 +163,18 @@ class JointFit:
         return self._search.best.cost
 
     def run(self, iterations: int) -> JointFit:
-        """Go on for so many iterations at most."""
+        """Go on for so many iterations at most; `gained` is by how much they lowered the objective."""
+        before = self.objective
         for _ in range(iterations):
             if not self._search.iterate():
                 break
+        self.gained = before - self.objective
         return self
+
+    @property
+    def active(self) -> bool:
+        """Whether a start has not ended."""
+        return any(track.state == "active" for track in self._search.tracks)
 
     def keep(self, n: int) -> JointFit:
         """Drop all but the best starts."""
@@ -295,6 +305,7 @@ def signature(
     lower, upper = problem.scaled_bounds[:, k:]
     unit = ParameterSpace(Parameter(f"p{i}", 0.5, 0.0, 1.0) for i in range(len(lower)))
     rng = generator(random_state)
+    n_draws = min(n_draws, _DRAWS_PER_SQUARE * len(lower) ** 2)  # one or two parameters need fewer
     found: list[tuple[float, _Array]] = []
     for u, J in points:
         A = cho_factor(J.T @ J + np.eye(k) / PRIOR**2)

@@ -51,6 +51,8 @@ class Cell:
         Hz.
     ratio : float
         Energy over what noise alone has on average.
+    expected : float
+        What noise alone has on average: the sum of so many squared deviations.
     p_value : float
         Of this cell alone.
     significant : bool
@@ -62,6 +64,7 @@ class Cell:
     stage: str
     band: tuple[float, float]
     ratio: float
+    expected: float
     p_value: float
     significant: bool
 
@@ -82,6 +85,15 @@ class Remainder:
     p_value: float
     statistic: float
     cells: tuple[Cell, ...]
+
+    @property
+    def excess(self) -> float:
+        """Energy beyond what noise has on average, over all cells that have more: the part of χ² that is to explain.
+
+        What a cell has less than noise does not count: an effect that smooths injected noise lowers χ² without
+        explaining anything.
+        """
+        return float(sum(max(c.ratio - 1.0, 0.0) * c.expected for c in self.cells))
 
     @property
     def significant(self) -> tuple[Cell, ...]:
@@ -118,7 +130,7 @@ def remainder_test(
     residuals: ArrayLike,
     jacobian: ArrayLike | None = None,
     *,
-    n_bootstrap: int = 400,
+    n_bootstrap: int = 1000,
     random_state: Any = 0,
 ) -> Remainder:
     """Test whether residuals are noise.
@@ -155,7 +167,7 @@ def remainder_test(
     p_cells = norm.sf(excess)
     significant = false_discovery_control(p_cells) < 0.05
     cells = tuple(
-        Cell(label[0], label[1], label[2], label[3], float(e / m), float(p), bool(s))
+        Cell(label[0], label[1], label[2], label[3], float(e / m), float(m), float(p), bool(s))
         for label, e, m, p, s in zip(labels, energy[0], mean, p_cells, significant, strict=True)
     )
     beyond = int(np.sum(largest >= excess.max()))

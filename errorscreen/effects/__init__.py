@@ -15,7 +15,7 @@ from errorscreen.effects.forced_oscillation import forced_oscillation
 from errorscreen.effects.governor import GOVERNOR
 from errorscreen.effects.latent_input import latent_input
 from errorscreen.effects.measurement import measurement_effects
-from errorscreen.effects.ride_through import RIDE_THROUGH
+from errorscreen.effects.ride_through import RIDE_THROUGH, RIDE_THROUGH_TRIP
 from errorscreen.effects.saturation import SATURATION
 from errorscreen.effects.stabiliser import STABILISER
 from errorscreen.effects.volt_var import VOLT_VAR
@@ -49,6 +49,7 @@ LIBRARY: dict[str, tuple[Effect, ...]] = {
         CURRENT_PRIORITY,
         VOLT_VAR,
         RIDE_THROUGH,
+        RIDE_THROUGH_TRIP,
         forced_oscillation("Ip_cmd"),
         latent_input("Ip_cmd", 1.0),
         latent_input("Iq_cmd", 1.0),
@@ -68,6 +69,7 @@ __all__ = [
     "REACTIVE_CURRENT_LAG",
     "REACTIVE_POWER_LAG",
     "RIDE_THROUGH",
+    "RIDE_THROUGH_TRIP",
     "SATURATION",
     "STABILISER",
     "STATOR_CURRENT_LIMITER",

@@ -100,6 +100,8 @@ class Effect:
         Unit of a grid that it belongs to; empty in a plant, and for a measurement.
     description : str
         One paragraph for engineers.
+    formula : str
+        Its equations in one line, for reports.
     source : str
         Where the equations come from.
     confused_with : tuple of str
@@ -118,6 +120,7 @@ class Effect:
     kind: str = "mechanism"
     device: str = ""
     description: str = ""
+    formula: str = ""
     source: str = ""
     confused_with: tuple[str, ...] = ()
 

@@ -1,10 +1,10 @@
 r"""Lag of a converter's command: a control loop, a delay or a phase-locked loop that the model treats as instantaneous.
 
-.. math:: T\,\dot y = u - y                                                                   \qquad (C1)
+.. math:: T (1 - q)\,\dot y = u - y,\quad T q\,\dot z = y - z                                   \qquad (C1)
 
-with the command u and what acts, y. Below the integration step h the lag is blended out, so that T = 0 is an identity
-and the step stays stable: :math:`y_{out} = u + (y - u)\min(T/h, 1)`, :math:`\dot y = (u - y)/\max(T, h)`. A pure delay
-of the same length looks nearly the same below 1/(2πT).
+with the command u and what acts, z: one lag for q = 0, two equal ones for q = ½. Below the integration step h the
+lags are blended out, so that T = 0 is an identity and the step stays stable: a lag shorter than h acts with the
+share T/h and the time constant h. A pure delay of the same length looks nearly the same below 1/(2πT).
 """
 
 from __future__ import annotations
@@ -13,18 +13,25 @@ from typing import Any
 
 import numpy as np
 
-from errorscreen.effects.base import Effect, Values, strength
+from errorscreen.effects.base import Effect, Values, strength, value
 from errorscreen.engine.vmath import select
 
 
-def control_lag(value: Any, y: Any, T: Any, Tc: Any, share: Any) -> Any:
-    """Delayed command and derivative of the lag, (C1)."""
-    return select(T > 0.0, value + share * (y - value), value), (value - y) / Tc
+def control_lag(value: Any, y: Any, z: Any, T: Any, T1: Any, T2: Any, part1: Any, part2: Any) -> Any:
+    """Delayed command and derivatives of both lags, (C1)."""
+    first = value + part1 * (y - value)
+    return select(T > 0.0, first + part2 * (z - first), value), (value - y) / T1, (first - z) / T2
 
 
 def _start(values: Values, h: float, start: Any) -> Values:
     T = values["T"]
-    return {"Tc": np.maximum(T, h), "share": np.minimum(T / h, 1.0), "y": start * np.ones_like(T)}
+    one, level = np.ones_like(T), start * np.ones_like(T)
+    first, second = T * (1.0 - values["q"]), T * values["q"]
+    return {
+        "T1": np.maximum(first, h), "part1": np.minimum(first / h, one),
+        "T2": np.maximum(second, h), "part2": np.minimum(second / h, one),
+        "y": level, "z": level,
+    }  # fmt: skip
 
 
 def _start_active(values: Values, h: float) -> Values:
@@ -45,10 +52,14 @@ def _lag(name: str, title: str, port: str, start: Any, what: str, confused: tupl
         title=title,
         port=port,
         equations=control_lag,
-        parameters=(strength("T", 0.05, 0.4, "s", what, "T", "time constant; 0: none"),),
-        states=("y",),
-        derived=("Tc", "share"),
+        parameters=(
+            strength("T", 0.05, 0.4, "s", what, "T", "time constant of both lags together; 0: none"),
+            value("q", 0.1, 0.0, 0.5, "", what, "q", "share of the second lag"),
+        ),
+        states=("y", "z"),
+        derived=("T1", "T2", "part1", "part2"),
         initialise=start,
+        formula="u = u* / ((1 + s T (1 − q)) (1 + s T q))",
         description=f"The {what} follows late: a control loop, a communication delay or a phase-locked loop lies "
         "between, which the model leaves out. Edges come late and rounded, steady values are right.",
         source="first-order lag; Milano, Power System Modelling and Scripting, 2010, section 10.2",

@@ -27,6 +27,7 @@ CURRENT_PRIORITY = Effect(
     name="priority",
     title="Current limit with priority for active current",
     port="priority",
+    formula="Ip first up to Imax, |Iq| ≤ √(Imax² − Ip²), by the given share",
     equations=priority,
     parameters=(
         strength("share", 1.0, 1.0, "", "current limit", "π", "0: reactive current first; 1: active first"),

@@ -91,6 +91,7 @@ FIELD_CURRENT_LIMITER = Effect(
     states=("x",),
     derived=("limit",),
     initialise=_start_field,
+    formula="Efd = Efd* − x, dx/dt = K (Ifd − If_max), x ≥ 0",
     description="Above its limit the field current is brought down: the machine gives less reactive power after a dip "
     "or while the voltage stays low than its model does.",
     source=_SOURCE,
@@ -108,6 +109,7 @@ STATOR_CURRENT_LIMITER = Effect(
     states=("x",),
     derived=("limit",),
     initialise=_start_stator,
+    formula="Efd = Efd* ∓ x, dx/dt = K (√(Id² + Iq²) − I_max), x ≥ 0",
     description="While the stator current exceeds its limit, the excitation is changed so that reactive current falls.",
     source=_SOURCE,
     confused_with=("a field-current limiter", "a volts-per-hertz limiter"),
@@ -124,6 +126,7 @@ UNDER_EXCITATION_LIMITER = Effect(
     states=("x",),
     derived=("limit",),
     initialise=_start_under,
+    formula="Efd = Efd* + x, dx/dt = K (Q_min − Q), x ≥ 0",
     description="The machine may not consume more reactive power than the limit: the field voltage is raised when "
     "the voltage of the grid is high.",
     source=_SOURCE,
@@ -150,6 +153,7 @@ VOLTS_PER_HERTZ_LIMITER = Effect(
     states=("x",),
     derived=("limit",),
     initialise=_start_flux,
+    formula="Efd = Efd* − x, dx/dt = K (V/ω − VHz_max), x ≥ 0",
     description="Above the limit of voltage over frequency the field voltage is lowered to protect the iron.",
     source=_SOURCE,
     confused_with=("an exciter", "a field-current limiter"),

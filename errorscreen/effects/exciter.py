@@ -53,6 +53,7 @@ EXCITER = Effect(
     states=("x", "E"),
     derived=("V0",),
     initialise=_start,
+    formula="Efd = Efd0 + [K / (1 + s TE) · (1 + s (TA_TB) TB) / (1 + s TB) · (V0 − V)], 0 ≤ Efd ≤ 5 pu",
     description="The voltage regulator raises the field voltage when the terminal voltage falls. A model with constant "
     "field voltage misses the slow rise of reactive power after a dip and part of the damping.",
     source="PSS/E model library, SEXS",

@@ -47,6 +47,7 @@ def forced_oscillation(port: str) -> Effect:
             ),
         ),
         states=("t",),
+        formula="u = u* + A sin(2π f (t − t0)), t ≥ t0",
         description="Something inside the plant (a valve, a control loop at its limit) swings by itself; the "
         "recording swings before the event already or does not settle after it, at a frequency that no mode has.",
         source="NERC, Forced Oscillation Monitoring & Mitigation, 2017",

@@ -51,6 +51,7 @@ GOVERNOR = Effect(
         value("T3", 5.0, 0.5, 12.0, "s", "governor", "T_3", "time constant of the turbine"),
     ),
     states=("g", "x"),
+    formula="Pm = Pm0 + (1 + s T2) / (1 + s T3) · 1 / (1 + s T1) · K · (−db(ω − 1)), 0 ≤ Pm ≤ 1.2 pu",
     description="The governor lowers the mechanical power when the speed rises. A model with constant mechanical power "
     "swings about another mean after the fault and is damped differently; below the dead band nothing happens.",
     source="PSS/E model library, TGOV1; IEEE Std 1207, dead band",

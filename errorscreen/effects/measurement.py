@@ -100,7 +100,7 @@ def _of_channel(channel: str) -> tuple[Effect, ...]:
         Effect(
             f"scale_{channel}", f"Scale error of {channel}", port, scaled,
             (strength("a", 0.05, 0.25, "", of, "a", "relative scale error; 0: none", -0.25),),
-            recorded=true_of_scaled, kind="measurement",
+            recorded=true_of_scaled, kind="measurement", formula="measured = (1 + a) · true",
             description=f"A transformer ratio, a calibration or a base is wrong: all of {channel}, its level before "
             "the event included, is too large or too small by the same factor.",
             source="IEEE Std C57.13, ratio error",
@@ -109,7 +109,7 @@ def _of_channel(channel: str) -> tuple[Effect, ...]:
         Effect(
             f"offset_{channel}", f"Offset of {channel}", port, offset,
             (strength("b", 0.02, 0.2, "pu", of, "b", "offset; 0: none", -0.2),),
-            recorded=true_of_offset, kind="measurement",
+            recorded=true_of_offset, kind="measurement", formula="measured = true + b",
             description=f"A constant is added to {channel}: auxiliaries or other feeders behind the meter, or a zero "
             "error.",
             source="equation (N2)",
@@ -118,7 +118,7 @@ def _of_channel(channel: str) -> tuple[Effect, ...]:
         Effect(
             f"skew_{channel}", f"Clock skew of {channel}", port, skewed,
             (strength("d", 0.02, 0.2, "s", of, "d", "time by which the channel is late; 0: none", -0.2),),
-            kind="measurement",
+            kind="measurement", formula="measured(t) = true(t − d)",
             description=f"{channel} is stamped too late or too early against the other channels: every edge is moved "
             "by the same time.",
             source="IEEE Std C37.118.1, time error",
@@ -127,7 +127,7 @@ def _of_channel(channel: str) -> tuple[Effect, ...]:
         Effect(
             f"lag_{channel}", f"Lag in the measurement of {channel}", port, lagged,
             (strength("T", 0.05, 0.5, "s", of, "T", "time constant; 0: none"),),
-            kind="measurement",
+            kind="measurement", formula="measured = true / (1 + s T)",
             description=f"The transducer or the meter smooths {channel}: fast edges arrive late and rounded, while "
             "slow swings are right.",
             source="Franklin, Powell, Workman, Digital Control of Dynamic Systems, 3rd ed., section 6.3.2",

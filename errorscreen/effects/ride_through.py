@@ -34,21 +34,45 @@ def cessation(value: Any, V: Any, timer: Any, c: Any, s: Any, Vth: Any, Tth: Any
     )
 
 
-RIDE_THROUGH = Effect(
-    name="cessation",
-    title="Momentary cessation with timer and ramp",
-    port="release",
-    equations=cessation,
-    parameters=(
-        strength("s", 1.0, 1.0, "", "ride-through", "s", "share of the current that stops; 0: none"),
-        value("Vth", 0.7, 0.2, 0.95, "pu", "ride-through", "V_th", "voltage below which the timer runs"),
-        value("Tth", 0.03, 0.0, 0.3, "s", "ride-through", "T_th", "time below the threshold until it stops"),
-        value("Tc", 0.3, 0.0, 2.0, "s", "ride-through", "T_c", "duration of the cessation"),
-        value("Tramp", 0.5, 0.05, 4.0, "s", "ride-through", "T_ramp", "duration of the ramp back"),
-    ),
-    states=("timer", "c"),
-    description="The inverters stop injecting when the voltage has been low for a set time, wait, and ramp back. The "
-    "model rides through: it misses the hole in active and reactive power and the slow return.",
-    source="IEEE Std 1547-2018, section 6.4; NERC, 900 MW Fault Induced Solar PV Resource Interruption, 2018",
-    confused_with=("a lower ramp limit after the fault", "priority for reactive current", "a current limit"),
+def _cessation(name: str, title: str, ranges: dict[str, tuple[float, float, float]], text: str) -> Effect:
+    """Effect with typical value and range of each duration."""
+    return Effect(
+        name=name,
+        title=title,
+        port="release",
+        equations=cessation,
+        parameters=(
+            strength("s", 1.0, 1.0, "", "ride-through", "s", "share of the current that stops; 0: none"),
+            value("Vth", 0.7, 0.2, 0.98, "pu", "ride-through", "V_th", "voltage below which the timer runs"),
+            value(
+                "Tth", *ranges["Tth"], "s", "ride-through", "T_th", "time below the threshold until it stops"
+            ),
+            value("Tc", *ranges["Tc"], "s", "ride-through", "T_c", "duration of the cessation"),
+            value("Tramp", *ranges["Tramp"], "s", "ride-through", "T_ramp", "duration of the ramp back"),
+        ),
+        states=("timer", "c"),
+        formula="I = I* (1 − s) from Tth after V < Vth, for Tc, then back over Tramp",
+        description=text,
+        source="IEEE Std 1547-2018, section 6.4; NERC, 900 MW Fault Induced Solar PV Resource Interruption, 2018",
+        confused_with=(
+            "a lower ramp limit after the fault",
+            "priority for reactive current",
+            "a current limit",
+        ),
+    )
+
+
+RIDE_THROUGH = _cessation(
+    "cessation",
+    "Momentary cessation with timer and ramp",
+    {"Tth": (0.03, 0.0, 0.3), "Tc": (0.3, 0.0, 2.0), "Tramp": (0.5, 0.05, 4.0)},
+    "The inverters stop injecting when the voltage has been low for a set time, wait, and ramp back. The model rides "
+    "through: it misses the hole in active and reactive power and the slow return.",
+)
+RIDE_THROUGH_TRIP = _cessation(
+    "trip",
+    "Ride-through trip with timer, waiting time and ramp",
+    {"Tth": (2.0, 0.3, 40.0), "Tc": (30.0, 2.0, 400.0), "Tramp": (10.0, 0.5, 60.0)},
+    "The voltage stays below a threshold for longer than the ride-through curve allows: the plant trips, waits until "
+    "it may connect again, and ramps up. Only long recordings show it.",
 )

@@ -42,6 +42,7 @@ SATURATION = Effect(
     ),
     derived=("S0",),
     initialise=_start,
+    formula="Efd = Efd* − A ([E'q − E1]⁺)² + A ([E'q0 − E1]⁺)²",
     description="Iron saturates: the higher the flux, the more field current it takes. A linear model returns too "
     "slowly from high voltage and settles at another reactive power.",
     source="Kundur, Power System Stability and Control, 1994, section 3.8.2; PSLF GENSAL",

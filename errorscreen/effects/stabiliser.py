@@ -39,6 +39,7 @@ STABILISER = Effect(
         value("T2", 0.05, 0.02, 0.2, "s", "stabiliser", "T_2", "lag time constant"),
     ),
     states=("w", "x"),
+    formula="Efd = Efd* + K · (1 + s T1) / (1 + s T2) · s TW / (1 + s TW) · (ω − 1), limited to ± 2 pu",
     description="The stabiliser modulates the field voltage with the speed, so that swings of active power die out "
     "faster, and the reactive power swings along. A model without it swings too long.",
     source="IEEE Std 421.5-2016, section 8.2 (PSS1A)",

@@ -1,6 +1,19 @@
 """Figures; every function returns a matplotlib `Figure` and leaves the state of pyplot alone."""
 
-from errorscreen.plotting.charts import plot_error_images, plot_intervals, plot_rankings, plot_responses
+from errorscreen.plotting.charts import (
+    plot_error_images,
+    plot_intervals,
+    plot_rankings,
+    plot_responses,
+    plot_waveform,
+)
 from errorscreen.plotting.system_diagram import plot_system
 
-__all__ = ["plot_error_images", "plot_intervals", "plot_rankings", "plot_responses", "plot_system"]
+__all__ = [
+    "plot_error_images",
+    "plot_intervals",
+    "plot_rankings",
+    "plot_responses",
+    "plot_system",
+    "plot_waveform",
+]

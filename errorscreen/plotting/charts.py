@@ -283,6 +283,40 @@ def plot_intervals(
     return figure
 
 
+def plot_waveform(
+    time: ArrayLike, signal: ArrayLike, name: str, *, unit: str = "pu", event_time: float | None = None
+) -> Figure:
+    """One signal over time.
+
+    Parameters
+    ----------
+    time, signal : array-like of shape (L,)
+        Seconds, and values in `unit`.
+    name, unit : str
+        For the axis.
+    event_time : float, optional
+        Marked where given.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Examples
+    --------
+    >>> plot_waveform([0.0, 1.0], [0.0, 0.2], "Pm").axes[0].get_ylabel()
+    'Pm (pu)'
+    """
+    figure = _figure(7.0, 2.6)
+    axes = figure.subplots()
+    axes.plot(np.asarray(time, dtype=float), np.asarray(signal, dtype=float), color="#0072b2")
+    axes.set_xlabel("time (s)")
+    axes.set_ylabel(_with_unit(name, unit))
+    if event_time is not None:
+        _mark_event(axes, event_time)
+    _tidy(axes)
+    return figure
+
+
 def _figure(width: float, height: float) -> Figure:
     from matplotlib.figure import Figure
 

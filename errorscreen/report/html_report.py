@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 #: Places in the report where figures can stand.
-SECTIONS = ("responses", "errors", "screening", "calibration")
+SECTIONS = ("responses", "errors", "screening", "calibration", "discovery")
 #: What a verdict means, in one line.
 HEADLINES = {
     "within-noise": "The simulation agrees with the recording within its noise",
@@ -37,7 +37,7 @@ class ReportFigure:
 
     Parameters
     ----------
-    section : {"responses", "errors", "screening", "calibration"}
+    section : {"responses", "errors", "screening", "calibration", "discovery"}
     caption : str
         Also read aloud in place of the figure.
     figure : matplotlib.figure.Figure

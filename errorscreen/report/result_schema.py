@@ -34,11 +34,119 @@ class Part(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
+class CauseParameter(Part):
+    """One fitted parameter of an effect."""
+
+    name: str
+    unit: str = ""
+    description: str = ""
+    value: Number
+    low: Number
+    high: Number
+
+
+class Cause(Part):
+    """One explanation of what the simulation gets wrong."""
+
+    name: str
+    title: str
+    kind: Literal["parameters", "effect", "measurement", "unknown"]
+    place: str = Field(description="port or channel at which it acts")
+    probability: Number
+    parameters: list[CauseParameter] = []
+    equation: str = ""
+    explanation: str = ""
+    confused_with: list[str] = []
+
+
+class Separation(Part):
+    """How far two explanations would differ in another event."""
+
+    event: str
+    channel: str
+    distance: Number = Field(description="standard deviations of the noise, root of the sum of squares")
+
+
+class Group(Part):
+    """Explanations that the recordings cannot tell apart."""
+
+    names: list[str]
+    separating: list[Separation] = []
+
+
+class EventGain(Part):
+    """Rms error on one held-out event, in multiples of what is uncertain."""
+
+    recording: str
+    baseline: Number
+    recalibrated: Number
+    extended: Number
+
+
+class Gain(Part):
+    """What the extension gains on events that were not fitted, rms errors in multiples of what is uncertain."""
+
+    baseline: Number = Field(description="of the model as it was")
+    recalibrated: Number = Field(description="of the old model with calibrated parameters")
+    extended: Number = Field(description="of the extended model")
+    gain: Number = Field(
+        description="part of the recalibrated model's squared error that the extension removes"
+    )
+    interval: list[Number]
+    level: Number
+    placebo: Number = Field(description="gain of a wrong effect, null if there is none")
+    events: list[EventGain]
+
+
+class Place(Part):
+    """A port at which an unknown signal would explain the recording."""
+
+    device: str
+    place: str
+    probability: Number
+    chi2_per_sample: Number
+    follows: list[tuple[str, Number]] = Field(description="quantities it moves with, and the correlation")
+
+
+class RemainingCell(Part):
+    """Error that parameters leave in one channel, stage and frequency band, beyond noise."""
+
+    recording: str
+    channel: str
+    stage: str
+    band: list[Number] = Field(description="Hz; null: no upper limit")
+    ratio: Number = Field(description="energy over what noise alone has on average")
+    p_value: Number
+
+
+class HypothesisFit(Part):
+    """One hypothesis that was fitted."""
+
+    name: str
+    chi2_per_sample: Number
+    p_value: Number = Field(description="probability that noise alone leaves so conspicuous a remainder")
+    evidence: Number = Field(description="logarithm of its evidence over that of parameters alone")
+
+
+class Discovery(Part):
+    """Search for what the model lacks."""
+
+    hypotheses: list[HypothesisFit]
+    cells: list[RemainingCell] = Field(description="what parameters alone leave beyond noise")
+    places: list[Place] = []
+    advice: list[str] = Field(default=[], description="what to measure next")
+    n_simulations: int
+    seconds: Number
+
+
 class Verdict(Part):
     """What the errors come from, as far as the recordings tell."""
 
     kind: Literal["within-noise", "parameters", "measurement", "effect", "unknown"]
     text: str = Field(description="the reasons in plain words")
+    causes: list[Cause] = Field(
+        default=[], description="the most probable first; empty if they were not searched"
+    )
 
 
 class Study(Part):
@@ -236,6 +344,9 @@ class Result(Part):
     diagnosis: Diagnosis
     screening: Screening
     calibration: Calibration
+    groups: list[Group] = Field(default=[], description="explanations that cannot be told apart")
+    gain: Gain | None = Field(default=None, description="of what was named, on held-out recordings")
+    discovery: Discovery | None = Field(default=None, description="null if causes were not searched")
     run: Run
 
 

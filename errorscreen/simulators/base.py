@@ -145,6 +145,32 @@ class Simulator(ABC):
         extended.extensions = (*self.extensions, added)
         return extended
 
+    def quantified(self, observation: Observation, theta: ArrayLike) -> Observation:
+        """Return an observation with the uncertainty that it has if `theta` are the true parameters.
+
+        What the noise of injected signals makes depends on the model; without injected signals nothing changes.
+
+        Parameters
+        ----------
+        observation : Observation
+        theta : array-like of shape (m,)
+        """
+        return observation
+
+    def refined(self, factor: int) -> Simulator:
+        """Return this simulator with a step so many times smaller; itself where it has no step.
+
+        Parameters
+        ----------
+        factor : int
+        """
+        step = getattr(self, "step", None)
+        if step is None:
+            return self
+        changed = copy.copy(self)
+        changed.step = step / factor  # type: ignore[attr-defined]
+        return changed
+
     def with_nominal(self, theta: ArrayLike) -> Simulator:
         """Return this simulator with other nominal values, for example calibrated ones.
 

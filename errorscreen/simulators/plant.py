@@ -245,36 +245,49 @@ class PlantSimulator(Simulator):
             for name, new, old in zip(self.channels, noise, observation.noise, strict=True)
             if new > 1.1 * old
         ]
-        extra = np.zeros(observation.values.shape)
-        for other in (self._run(nominal, event, "linear"), self._run(nominal, event, step=0.5 * self.step)):
-            change = np.abs(other.values[0] - responses.values[0])
-            usual = 3.0 * change[:, part].max(axis=1, initial=0.0)  # what noise alone makes of it
-            extra = np.hypot(extra, np.where(np.isfinite(change) & (change > usual[:, None]), change, 0.0))
-        inputs = input_noise(recording, event)
-        passed = self._passed(event, responses.values[0], inputs)
-        extra = np.sqrt(extra**2 + np.maximum(passed - np.median(passed[:, part], axis=1)[:, None], 0.0))
-        for name, sigma, more in zip(self.channels, noise, extra, strict=True):
+        observation = replace(
+            observation,
+            noise=noise,
+            level_std=noise * np.sqrt([correlation_time(e) / max(len(e), 1) for e in errors]),
+        )
+        observation = self.quantified(observation, nominal)
+        assert observation.extra is not None
+        for name, sigma, more in zip(self.channels, noise, observation.extra, strict=True):
             if more.max() > sigma:
                 notes.append(
                     f"{name} is uncertain by up to {more.max():.2g} pu at {observation.time[more.argmax()]:.4g} s, "
                     "because the voltage is not known between its samples or the integration step is too coarse for it."
                 )
-        return replace(
-            observation,
-            noise=noise,
-            extra=extra,
-            level_std=noise * np.sqrt([correlation_time(e) / max(len(e), 1) for e in errors]),
-            modes=self._modes(event, responses.values[0], inputs, noise),
-            assumptions=(*observation.assumptions, *notes),
-        )
+        return replace(observation, assumptions=(*observation.assumptions, *notes))
+
+    def quantified(self, observation: Observation, theta: ArrayLike) -> Observation:
+        """Uncertainty of a recording if `theta` are the true parameters; see `Simulator.quantified`."""
+        event, theta = observation.event, np.asarray(theta, dtype=float)
+        assert isinstance(event, Playback)
+        responses = self.simulate(theta, event)
+        if not responses.ok.all():  # whoever simulates will be told
+            return observation
+        response, part = responses.values[0], observation.time < event.start - 2.5 * event.dt
+        extra = np.zeros(observation.values.shape)
+        for other in (self._run(theta, event, "linear"), self._run(theta, event, step=0.5 * self.step)):
+            change = np.abs(other.values[0] - response)
+            usual = 3.0 * change[:, part].max(axis=1, initial=0.0)  # what noise alone makes of it
+            extra = np.hypot(extra, np.where(np.isfinite(change) & (change > usual[:, None]), change, 0.0))
+        inputs = input_noise(event)
+        passed = self._passed(theta, event, response, inputs)
+        quiet = np.median(passed[:, part], axis=1)[:, None] if part.any() else passed
+        extra = np.sqrt(extra**2 + np.maximum(passed - quiet, 0.0))
+        modes = self._modes(theta, event, response, inputs, np.asarray(observation.noise))
+        return replace(observation, extra=extra, modes=modes)
 
     def _passed(
         self,
+        theta: NDArray[np.float64],
         event: Playback,
         response: NDArray[np.float64],
         inputs: Mapping[str, tuple[NDArray[np.float64], float]],
     ) -> NDArray[np.float64]:
-        """Variance (R, L) of what the noise of the injected signals makes at once, at the nominal values.
+        """Variance (R, L) of what the noise of the injected signals makes at once.
 
         A signal that is moved up and down from sample to sample leaves slow dynamics at rest, so that one simulation
         shows at every sample how much of its noise passes through the device there.
@@ -284,19 +297,20 @@ class PlantSimulator(Simulator):
         for name, (shape, sigma) in inputs.items():
             size = sigma * shape[0]
             signals = {**event.signals, name: event.signals[name] + size * alternating}
-            moved = self._run(self.parameters.nominal, replace(event, signals=signals)).values[0]
+            moved = self._run(theta, replace(event, signals=signals)).values[0]
             total += np.where(np.isfinite(moved), moved - response, 0.0) ** 2
         # where the model itself jumps, the change is no noise
         return np.asarray(median_filter(total, size=(1, 5)))
 
     def _modes(
         self,
+        theta: NDArray[np.float64],
         event: Playback,
         response: NDArray[np.float64],
         inputs: Mapping[str, tuple[NDArray[np.float64], float]],
         noise: NDArray[np.float64],
     ) -> NDArray[np.float64]:
-        """Slow errors (K, R, L) that the noise of the injected signals makes behind the dynamics of the nominal model.
+        """Slow errors (K, R, L) that the noise of the injected signals makes behind the dynamics of the model.
 
         White noise over a block of samples acts on slow dynamics as their sum does, so each block is moved as a whole
         by what its sum scatters, and what follows after the block is kept: what passes at once is white and part of
@@ -311,9 +325,7 @@ class PlantSimulator(Simulator):
                 block[first : first + width] = 1.0
                 moved = np.convolve(block, shape)[:length] * sigma / np.sqrt(width)
                 signals = {**event.signals, name: event.signals[name] + moved}
-                change = self._run(
-                    self.parameters.nominal, replace(event, signals=signals), step=event.dt
-                ).values[0]
+                change = self._run(theta, replace(event, signals=signals), step=2 * self.step).values[0]
                 change = np.where(np.isfinite(change), change - response, 0.0)
                 change[:, : first + width + 2] = 0.0
                 rows.append(change)

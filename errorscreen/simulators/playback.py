@@ -104,11 +104,13 @@ def playback_observation(
             values[r] = source.channels[name].values
             noise[r] = source.channels[name].noise
     values[:, unknown] = np.nan
-    event = Playback(time, source.name, source.event_time, signals, initial)
+    angle = ["angle" if "angle" in source.channels else "f"] if needs_angle else []
+    injected = {name: float(source.channels[name].noise) for name in ("V", *angle)}
+    event = Playback(time, source.name, source.event_time, signals, initial, injected)
     return Observation(event, values, noise, channels, ("pu",) * len(channels), tuple(notes))
 
 
-def input_noise(recording: Recording, event: Playback) -> dict[str, tuple[NDArray[np.float64], float]]:
+def input_noise(event: Playback) -> dict[str, tuple[NDArray[np.float64], float]]:
     """Noise of each injected signal.
 
     Returns
@@ -117,13 +119,9 @@ def input_noise(recording: Recording, event: Playback) -> dict[str, tuple[NDArra
         For each signal of the event what the noise of one sample adds to it from that sample on (a single value, or a
         step where the angle is the integral of the frequency), and its standard deviation.
     """
-    channels = recording.channels
-    found = {"V": (np.ones(1), float(channels["V"].noise))}
-    if "angle" in event.signals:
-        if "angle" in channels:
-            found["angle"] = (np.ones(1), float(channels["angle"].noise))
-        else:
-            found["angle"] = (np.full(len(event.time), 2 * np.pi * event.dt), float(channels["f"].noise))
+    found = {name: (np.ones(1), event.noise[name]) for name in ("V", "angle") if name in event.noise}
+    if "f" in event.noise:
+        found["angle"] = (np.full(len(event.time), 2 * np.pi * event.dt), event.noise["f"])
     return found
 
 

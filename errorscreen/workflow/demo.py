@@ -4,25 +4,28 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from errorscreen.cases.case_models import CalibrationSection, RunSection, ScreeningSection
+from errorscreen.cases.case_models import CalibrationSection, DiscoverySection, RunSection, ScreeningSection
 from errorscreen.cases.demo import demo_recordings
 from errorscreen.simulators import PlantSimulator
 from errorscreen.workflow.study import Study
 
 
-def demo_study(seed: int) -> Study:
+def demo_study(seed: int, discovery: bool = True) -> Study:
     """Synchronous machine with eight hidden deviations; few epochs, so that it ends in minutes on two cores.
 
     Parameters
     ----------
     seed : int
         Draws the hidden parameters and the noise; the methods have a seed of their own.
+    discovery : bool
+        Whether effects that the model may lack are searched too.
     """
     recording, held_out, truth = demo_recordings(seed)
     simulator = PlantSimulator("synchronous_machine", recording)
     sections = SimpleNamespace(
         screening=ScreeningSection(samples=600, epochs=25, top_k=4),
         calibration=CalibrationSection(),
+        discovery=DiscoverySection(enabled=discovery),
         run=RunSection(),
     )
     return Study.of(

@@ -16,27 +16,41 @@ import errorscreen
 from errorscreen.features import CWTTransformer
 from errorscreen.metrics import top_k_overlap
 from errorscreen.observations import Observation
-from errorscreen.plotting import plot_error_images, plot_intervals, plot_rankings, plot_responses
+from errorscreen.plotting import (
+    plot_error_images,
+    plot_intervals,
+    plot_rankings,
+    plot_responses,
+    plot_waveform,
+)
 from errorscreen.report import ReportFigure, Result, write_report, write_result
 from errorscreen.report.result_schema import (
     Calibration,
     CalibrationMethod,
+    Cause,
     ChannelData,
     Diagnosis,
+    Discovery,
+    Gain,
+    Group,
+    HypothesisFit,
     MethodFit,
     ParameterResult,
+    Place,
     RecordingData,
     RecordingDiagnosis,
+    RemainingCell,
     Run,
     Screening,
     ScreeningMethod,
+    Separation,
     diagnose_recording,
     fit_of,
 )
 from errorscreen.report.result_schema import Study as StudyData
 from errorscreen.report.result_schema import Verdict as VerdictData
 from errorscreen.workflow.screen import selector
-from errorscreen.workflow.study import Calibrated, Outcome
+from errorscreen.workflow.study import Calibrated, Discovered, Outcome
 
 _PACKAGES = ("numpy", "scipy", "scikit-learn", "numba", "PyWavelets", "torch")
 #: rows and columns of the error images in the report
@@ -68,9 +82,15 @@ def build_result(outcome: Outcome) -> Result:
     """What stands in ``result.json``."""
     study = outcome.study
     device = getattr(study.simulator, "device", None)
+    found = outcome.discovered.meta if outcome.discovered else {}
     simulations = [*outcome.screened, *(c.meta["n_simulations"] for c in outcome.calibrated)]
+    simulations.append(found.get("n_simulations", 0))
     return Result(
-        verdict=VerdictData(kind=outcome.verdict.kind, text=outcome.verdict.text),  # type: ignore[arg-type]
+        verdict=VerdictData(
+            kind=outcome.verdict.kind,  # type: ignore[arg-type]
+            text=outcome.verdict.text,
+            causes=[Cause(**cause) for cause in found.get("causes", [])],
+        ),
         study=StudyData(
             title=study.title,
             device=device.name if device else type(study.simulator).__name__,
@@ -83,6 +103,9 @@ def build_result(outcome: Outcome) -> Result:
         diagnosis=Diagnosis(recordings=list(_diagnoses(outcome))),
         screening=_screening(outcome),
         calibration=Calibration(methods=[_calibration(c, outcome) for c in outcome.calibrated]),
+        groups=[_group(group) for group in found.get("groups", [])],
+        gain=Gain.model_validate(found["gain"]) if found.get("gain") else None,
+        discovery=_discovery(found) if found else None,
         run=Run(
             version=errorscreen.__version__,
             python=platform.python_version(),
@@ -98,6 +121,23 @@ def build_result(outcome: Outcome) -> Result:
             started=outcome.started,
             reused=outcome.reused,
         ),
+    )
+
+
+def _group(group: dict[str, Any]) -> Group:
+    keys = ("event", "channel", "distance")
+    separating = [Separation(**dict(zip(keys, item, strict=True))) for item in group["separating"]]
+    return Group(names=group["names"], separating=separating)
+
+
+def _discovery(found: dict[str, Any]) -> Discovery:
+    return Discovery(
+        hypotheses=[HypothesisFit(**h) for h in found["hypotheses"]],
+        cells=[RemainingCell(**cell) for cell in found["cells"]],
+        places=[Place(**place) for place in found["places"]],
+        advice=found["advice"],
+        n_simulations=found["n_simulations"],
+        seconds=found["seconds"],
     )
 
 
@@ -124,6 +164,8 @@ def figures(outcome: Outcome) -> Iterator[ReportFigure]:
     for calibrated in outcome.calibrated:
         if "intervals" in calibrated.arrays:
             yield _interval_figure(calibrated, outcome)
+    if outcome.discovered is not None:
+        yield from _discovery_figures(outcome, outcome.discovered)
 
 
 def _error_image(outcome: Outcome) -> ReportFigure:
@@ -152,6 +194,31 @@ def _error_image(outcome: Outcome) -> ReportFigure:
             cone=cwt.cone_of_influence_,
         ),
     )
+
+
+def _discovery_figures(outcome: Outcome, found: Discovered) -> Iterator[ReportFigure]:
+    """Responses of the extended model, or the unknown signal at the likeliest place."""
+    if found.label:
+        for n, observation in enumerate(outcome.observations):
+            role = "fitted" if n == 0 else "not used for fitting"
+            responses = {
+                f"parameters only ({outcome.best.label})": outcome.best.responses[n],
+                f"extended ({found.label})": found.responses[n],
+            }
+            yield ReportFigure(
+                "discovery",
+                f"{observation.event.name} ({role}): the calibrated model without and with {found.label}.",
+                plot_responses(observation, responses),
+            )
+    elif found.waveforms:
+        place = found.meta["places"][0]
+        time, signal = found.waveforms[0]
+        yield ReportFigure(
+            "discovery",
+            f"Signal that would have to enter at {place['place']} of the {place['device']} to explain it, in "
+            "the unit of that port.",
+            plot_waveform(time, signal, place["place"], event_time=outcome.study.observation.event.start),
+        )
 
 
 def _interval_figure(calibrated: Calibrated, outcome: Outcome) -> ReportFigure:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 import errorscreen
 from errorscreen.cases import Case
-from errorscreen.cases.case_models import CalibrationSection, RunSection, ScreeningSection
+from errorscreen.cases.case_models import CalibrationSection, DiscoverySection, RunSection, ScreeningSection
 from errorscreen.checkpoint import digest
 from errorscreen.discovery import ChannelFit, StageError, Verdict, channel_fits, stage_errors
 from errorscreen.events import Playback
@@ -26,6 +26,7 @@ from errorscreen.resampling import check_steps
 from errorscreen.simulators import PlantSimulator
 from errorscreen.simulators.base import REMEDIES, Simulator, Status
 from errorscreen.workflow.calibrate import calibrate_map, calibrate_pso
+from errorscreen.workflow.discover import discover_causes
 from errorscreen.workflow.screen import Screened, screen
 from errorscreen.workflow.stages import StageStore
 
@@ -44,7 +45,7 @@ class Study:
         Recordings that are only judged on.
     base_mva, f_nominal : float
         What 1 pu of P and Q is, and the nominal frequency in Hz.
-    screening, calibration, run
+    screening, calibration, discovery, run
         Sections of a case file.
     truth : mapping of str to float, optional
         Hidden parameters, where they are known (the demo).
@@ -60,6 +61,7 @@ class Study:
     f_nominal: float
     screening: ScreeningSection
     calibration: CalibrationSection
+    discovery: DiscoverySection
     run: RunSection
     truth: Mapping[str, float] | None = None
     paths: tuple[str, ...] = ()
@@ -101,7 +103,7 @@ class Study:
         sections: Any,
         truth: Mapping[str, float] | None = None,
     ) -> Study:
-        """Study of recordings that are at hand; `sections` has screening, calibration and run.
+        """Study of recordings that are at hand; `sections` has screening, calibration, discovery and run.
 
         Raises
         ------
@@ -119,6 +121,7 @@ class Study:
             recording.f_nominal,
             sections.screening,
             sections.calibration,
+            sections.discovery,
             sections.run,
             truth,
         )
@@ -132,7 +135,10 @@ class Study:
             self.simulator.settings(),
             self.observation,
             list(self.held_out),
-            [s.model_dump(exclude={"n_jobs", "out"}) for s in (self.screening, self.calibration, self.run)],
+            [
+                s.model_dump(exclude={"n_jobs", "out"})
+                for s in (self.screening, self.calibration, self.discovery, self.run)
+            ],
         )
 
 
@@ -175,6 +181,31 @@ class Calibrated:
 
 
 @dataclass(frozen=True)
+class Discovered:
+    """Result of the search for causes.
+
+    Parameters
+    ----------
+    label : str
+        Effects that were added, empty for none.
+    responses : tuple of ndarray of shape (R, L)
+        Of the extended model, for the fitted recording and each held-out one.
+    fits : tuple of list
+        `ChannelFit` of each recording.
+    waveforms : tuple of ndarray of shape (2, L)
+        Time and unknown signal at each place that was ranked.
+    meta : dict
+        See `discover_causes`.
+    """
+
+    label: str
+    responses: tuple[NDArray[np.float64], ...]
+    fits: tuple[list[ChannelFit], ...]
+    waveforms: tuple[NDArray[np.float64], ...]
+    meta: dict[str, Any]
+
+
+@dataclass(frozen=True)
 class Outcome:
     """Everything a report tells about a study.
 
@@ -187,6 +218,8 @@ class Outcome:
         `ChannelFit` and `StageError` of `before`, for each recording.
     screened : list of Screened
     calibrated : list of Calibrated
+    discovered : Discovered or None
+        None where causes were not searched.
     verdict : Verdict
     seconds : float
         Of this run.
@@ -202,6 +235,7 @@ class Outcome:
     stages: tuple[list[StageError], ...]
     screened: list[Screened]
     calibrated: list[Calibrated]
+    discovered: Discovered | None
     verdict: Verdict
     seconds: float
     started: str
@@ -301,6 +335,14 @@ def run_study(
                 lambda one=one: calibrate_pso(simulator, observation, one.names, *settings),  # type: ignore[misc]
             )
             calibrated.append(_calibrated("pso", one.method, *found, study))
+    discovered = None
+    if study.discovery.enabled:
+        report("discovery: what parameters cannot explain")
+        discovered = _discovered(study, store, report)
+        cause = Verdict(**discovered.meta["verdict"])
+        # whether parameters suffice was judged on held-out recordings too
+        if cause.kind not in ("parameters", "within-noise") and verdict.kind != "within-noise":
+            verdict = cause
     return Outcome(
         study,
         before,
@@ -308,11 +350,26 @@ def run_study(
         _each(stage_errors, study, before),
         screened,
         calibrated,
+        discovered,
         verdict,
         perf_counter() - start,
         started,
         store.reused,
     )
+
+
+def _discovered(study: Study, store: StageStore, report: Callable[[str], None]) -> Discovered:
+    """Search the causes, or take over what was found before."""
+    observations = (study.observation, *study.held_out)
+    arrays, meta = store.get(
+        "discovery",
+        lambda: discover_causes(
+            study.simulator, study.observation, study.held_out, study.discovery, study.run, report
+        ),
+    )
+    responses = tuple(arrays[f"response-{n}"] for n in range(len(observations)))
+    waveforms = tuple(arrays[f"waveform-{n}"] for n in range(len(meta["places"])))
+    return Discovered(meta["label"], responses, _each(channel_fits, study, responses), waveforms, meta)
 
 
 def _check_distinct(observations: list[Observation]) -> None:

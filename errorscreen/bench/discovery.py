@@ -1,0 +1,330 @@
+"""How often causes are found: hidden scenarios, each searched blindly, and what came out."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from joblib import Parallel, delayed
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from errorscreen import __version__
+from errorscreen.bench.discovery_output import write_discovery
+from errorscreen.bench.grid_scenarios import draw_grid_scenario
+from errorscreen.bench.plant_scenarios import draw_plant_scenario
+from errorscreen.bench.scenarios import LEAST_SIZE, MIX, Scenario
+from errorscreen.bench.timing import machine
+from errorscreen.calibration.problem import FitProblem
+from errorscreen.checkpoint import Checkpoint, digest
+from errorscreen.discovery import CauseFinder
+from errorscreen.discovery.hypotheses import JointFit
+from errorscreen.exceptions import DataWarning, InputError, check_integer, check_real, unknown_name
+from errorscreen.simulators import Simulator
+
+SCHEMA_VERSION = 1
+#: hidden scenarios of each case
+CASES: dict[str, Callable[..., Scenario]] = {"plant": draw_plant_scenario, "ieee39": draw_grid_scenario}
+#: bins of the reliability, resampled sets for intervals, and their probability
+_BINS, _BOOTSTRAP, _LEVEL = 10, 2000, 0.95
+#: a group that holds the right name counts if it has at most so many members
+_LARGEST_GROUP = 2
+#: iterations of the fit with the true structure, from the true values
+_ITERATIONS = 30
+
+_Record = dict[str, Any]
+_Array = NDArray[np.float64]
+
+
+def discovery_study(
+    out: str | Path,
+    report: Callable[[str], None] = print,
+    *,
+    case: str = "plant",
+    scenarios: int = 200,
+    seed: int = 0,
+    noise_db: float = 40.0,
+    least_size: float = LEAST_SIZE,
+    n_jobs: int | None = None,
+    progress: bool = False,
+) -> dict[str, Any]:
+    """Search hidden scenarios, write result, table and figures into ``out``, and return the result.
+
+    A scenario hides deviating parameters and, by the shares of `MIX`, nothing else, an effect of the library, two of
+    them, one in another functional form, an effect that the library does not hold, or a measurement fault. The truth
+    has a tenth of the fitted model's step and noise of its own. `CauseFinder` sees what is to be fitted.
+    What is finished stays in ``out/stages``: the same call goes on from there.
+
+    Parameters
+    ----------
+    out : str or Path
+        Folder, made where it is missing.
+    report : callable
+        Takes lines of text.
+    case : {"plant", "ieee39"}
+    scenarios : int
+    seed : int
+        A scenario does not depend on how many there are.
+    noise_db : float
+        Level of each channel's deviation from its value before the event over that of the noise, both rms.
+    least_size : float
+        Least part of a hidden effect that survives a refit of the parameters, in multiples of the noise.
+    n_jobs : int, optional
+        Processes that share the scenarios; the result does not depend on it, times do.
+    progress : bool
+
+    Returns
+    -------
+    dict
+        ``scenarios``, each with its truth, verdict, causes and held-out errors; ``rates``: ``correct``, ``wrong`` and
+        ``unknown`` of the scenarios that hide one effect of the library or a measurement fault, ``false_alarm`` where
+        nothing is hidden, ``outside_unknown`` and ``outside_place`` of effects outside the library, ``both_found`` of
+        two effects, each ``{value, interval, n}``; ``held_out_ratio_median``, error of the extended over that of the
+        recalibrated model against the true response where the cause was named rightly; ``true_structure_ratio_median``,
+        the same over a fit of the true structure; ``expected_calibration_error`` and ``reliability``.
+
+    Raises
+    ------
+    InputError
+        If an argument cannot be used, or ``out/stages`` belongs to another run.
+    """
+    if case not in CASES:
+        raise unknown_name(case, CASES, kind="case", where="bench discovery")
+    scenarios = check_integer(scenarios, "the number of scenarios", low=1)
+    seed = check_integer(seed, "the seed", low=0, high=2**32 - 1)
+    noise_db = check_real(noise_db, "noise_db", low=0.0, high=100.0)
+    least_size = check_real(least_size, "the least size", low=0.0)
+    if n_jobs == 0:
+        raise InputError("the number of jobs is 0", allowed="None, a positive number, or -1 for all cores")
+    started = perf_counter()
+    fingerprint = {
+        "version": digest(__version__),
+        "case": digest(case),
+        "seed, noise and size": digest(seed, noise_db, least_size),
+        "mix": digest(MIX),
+    }
+    store = Checkpoint(Path(out) / "stages", fingerprint)
+    records = {i: _unpack(found) for i, found in store.load(range(scenarios)).items()}
+    report(f"{scenarios} scenarios" + (f", {len(records)} of them finished before" if records else ""))
+    missing = [i for i in range(scenarios) if i not in records]
+    finished = Parallel(n_jobs=n_jobs, return_as="generator")(
+        delayed(run_scenario)(case, seed, i, noise_db, least_size) for i in missing
+    )
+    with tqdm(total=scenarios, initial=len(records), desc="scenarios", disable=not progress) as bar:
+        for i, record in zip(missing, finished, strict=True):
+            store.save(i, {"record": np.frombuffer(json.dumps(record).encode(), dtype=np.uint8)})
+            records[i] = record
+            bar.update()
+    rows = [records[i] for i in range(scenarios)]
+    result = {
+        "schema_version": SCHEMA_VERSION,
+        "kind": "bench-discovery",
+        "case": case,
+        "seed": seed,
+        "noise_db": noise_db,
+        "least_size": least_size,
+        "mix": dict(MIX),
+        "scenarios": rows,
+        **summarise(rows, seed),
+        "seconds": perf_counter() - started,
+        "machine": machine(),
+    }
+    write_discovery(result, Path(out))
+    return result
+
+
+def run_scenario(case: str, seed: int, number: int, noise_db: float, least_size: float) -> _Record:
+    """Draw one scenario, search it, and judge what was found."""
+    streams = np.random.SeedSequence(seed, spawn_key=(number,)).spawn(2)
+    with warnings.catch_warnings():  # of recordings that look odd, which is meant
+        warnings.simplefilter("ignore", DataWarning)
+        hidden = CASES[case](streams[0], noise_db, least_size=least_size)
+        started = perf_counter()
+        finder = CauseFinder(hidden.simulator, random_state=int(streams[1].generate_state(1)[0]))
+        finder.fit(list(hidden.recordings))
+        seconds = perf_counter() - started
+    first = finder.causes_[0]
+    named = finder.verdict_.kind in ("effect", "measurement")
+    names = [e.name for e in finder.best_.effects] if named else []
+    groups = [list(group.names) for group in finder.groups_] if named else []
+    outcome = _outcome(hidden, finder.verdict_.kind, names, groups)
+    place = finder.places_[0] if finder.places_ else None
+    return {
+        "number": number,
+        "truth": {
+            "kind": hidden.kind,
+            "device": hidden.device,
+            "hidden": list(hidden.hidden),
+            "right": list(hidden.effects),
+            "place": hidden.place,
+            "size": hidden.size,
+        },
+        "verdict": finder.verdict_.kind,
+        "named": names,
+        "groups": groups,
+        "probability": first.probability,
+        "causes": [{"name": c.name, "probability": c.probability} for c in finder.causes_],
+        "place": None if place is None else {"device": place.device, "port": place.place},
+        "outcome": outcome,
+        "top_is_right": _top_is_right(hidden, first.name),
+        "chi2_per_sample": {
+            "parameters": next(h for h in finder.hypotheses_ if not h.effects).chi2_per_sample,
+            "chosen": finder.best_.chi2_per_sample,
+        },
+        "closest": {
+            "name": finder.hypotheses_[0].name,
+            "chi2_per_sample": finder.hypotheses_[0].chi2_per_sample,
+        },
+        "held_out": _held_out(hidden, finder),
+        "simulations": finder.n_simulations_,
+        "seconds": seconds,
+    }
+
+
+def _outcome(hidden: Scenario, verdict: str, names: Sequence[str], groups: Sequence[Sequence[str]]) -> str:
+    """``"correct"``, ``"wrong"``, ``"unknown"``, ``"missed"`` (explained by parameters) or ``"false alarm"``."""
+    if verdict in ("within-noise", "parameters"):
+        return "correct" if hidden.kind == "nothing" else "missed"
+    if hidden.kind == "nothing":
+        return "false alarm"
+    if verdict == "unknown":
+        return "correct" if hidden.kind == "outside" else "unknown"
+    right = set(hidden.effects)
+    if right and set(names) == right:
+        return "correct"
+    members = [set(name.split(" + ")) for group in groups if len(group) <= _LARGEST_GROUP for name in group]
+    return "correct" if right and right in members else "wrong"
+
+
+def _top_is_right(hidden: Scenario, name: str) -> bool:
+    if hidden.kind == "nothing":
+        return name == "parameters"
+    if hidden.kind == "outside":
+        return name == "unknown"
+    return set(name.split(" + ")) == set(hidden.effects)
+
+
+def _held_out(hidden: Scenario, finder: CauseFinder) -> dict[str, float | None]:
+    """Rms distance from the true held-out responses in multiples of the noise, of several models."""
+
+    def distance(model: Simulator) -> float:
+        total = count = 0.0
+        for observation, truth in zip(hidden.held_out, hidden.truths, strict=True):
+            y = model.simulate(model.parameters.nominal, observation.event).values[0]
+            total += float(np.sum(((y - truth) / observation.sigma) ** 2))
+            count += truth.size
+        return float(np.sqrt(total / count))
+
+    true = None
+    if hidden.structure:
+        simulator = hidden.simulator
+        for name in hidden.structure:
+            simulator = simulator.extend(name)
+        problem = FitProblem(simulator, list(hidden.recordings))
+        u = (np.concatenate([hidden.theta, hidden.values]) - problem.space.nominal) / problem.space.scales
+        best = JointFit(simulator.extensions, problem, u).run(_ITERATIONS).hypothesis()
+        true = distance(simulator.with_nominal(best.theta))
+    found = {
+        "baseline": distance(finder.simulator),
+        "recalibrated": distance(finder.recalibrated_simulator_),
+        "extended": distance(finder.extended_simulator_),
+        "true_structure": true,
+    }
+    return {
+        name: value if value is not None and np.isfinite(value) else None for name, value in found.items()
+    }
+
+
+def summarise(rows: Sequence[_Record], seed: int) -> dict[str, Any]:
+    """Rates with bootstrap intervals, ratios of held-out errors, and how well probabilities are calibrated."""
+    rng = np.random.default_rng(seed)
+    single = [r for r in rows if r["truth"]["kind"] in ("effect", "other form", "measurement")]
+    outside = [r for r in rows if r["truth"]["kind"] == "outside"]
+    both = [r for r in rows if r["truth"]["kind"] == "two effects"]
+    nothing = [r for r in rows if r["truth"]["kind"] == "nothing"]
+
+    def rate(chosen: Sequence[_Record], holds: Callable[[_Record], bool]) -> dict[str, Any]:
+        hits = np.array([holds(r) for r in chosen], dtype=float)
+        if not len(hits):
+            return {"value": None, "interval": None, "n": 0}
+        means = rng.choice(hits, (_BOOTSTRAP, len(hits))).mean(axis=1)
+        interval = np.quantile(means, [0.5 - _LEVEL / 2, 0.5 + _LEVEL / 2]).tolist()
+        return {"value": float(hits.mean()), "interval": interval, "n": len(hits)}
+
+    rates = {
+        "correct": rate(single, lambda r: r["outcome"] == "correct"),
+        "wrong": rate(single, lambda r: r["outcome"] == "wrong"),
+        "unknown": rate(single, lambda r: r["outcome"] == "unknown"),
+        "missed": rate(single, lambda r: r["outcome"] == "missed"),
+        "false_alarm": rate(nothing, lambda r: r["outcome"] == "false alarm"),
+        "outside_unknown": rate(outside, lambda r: r["verdict"] == "unknown"),
+        "outside_place": rate(outside, lambda r: _device(r) == r["truth"]["device"]),
+        "outside_port": rate(outside, lambda r: _port(r) == (r["truth"]["device"], r["truth"]["place"])),
+        "both_found": rate(both, lambda r: r["outcome"] == "correct"),
+        "both_wrong": rate(both, lambda r: not set(r["named"]) <= set(r["truth"]["right"])),
+    }
+    by_kind = {
+        kind: {
+            outcome: sum(r["outcome"] == outcome for r in rows if r["truth"]["kind"] == kind)
+            for outcome in ("correct", "wrong", "unknown", "missed", "false alarm")
+        }
+        for kind, _ in MIX
+    }
+    right = [r for r in rows if r["truth"]["right"] and r["outcome"] == "correct"]
+    return {
+        "rates": rates,
+        "by_kind": by_kind,
+        "held_out_ratio_median": _median_ratio(right, "extended", "recalibrated"),
+        "true_structure_ratio_median": _median_ratio(right, "extended", "true_structure"),
+        **_calibration(rows),
+        "seconds_median": float(np.median([r["seconds"] for r in rows])),
+        "seconds_max": float(max(r["seconds"] for r in rows)),
+        "simulations_median": float(np.median([r["simulations"] for r in rows])),
+    }
+
+
+def _device(record: _Record) -> str | None:
+    return record["place"]["device"] if record["place"] else None
+
+
+def _port(record: _Record) -> tuple[str, str] | None:
+    return (record["place"]["device"], record["place"]["port"]) if record["place"] else None
+
+
+def _median_ratio(rows: Sequence[_Record], above: str, below: str) -> float | None:
+    ratios = [
+        r["held_out"][above] / r["held_out"][below]
+        for r in rows
+        if r["held_out"][above] is not None and r["held_out"][below]
+    ]
+    return float(np.median(ratios)) if ratios else None
+
+
+def _calibration(rows: Sequence[_Record]) -> dict[str, Any]:
+    """Reliability of the probability of the first cause, and its expected calibration error."""
+    p = np.array([r["probability"] for r in rows])
+    right = np.array([r["top_is_right"] for r in rows], dtype=float)
+    bins = np.minimum((p * _BINS).astype(int), _BINS - 1)
+    reliability, error = [], 0.0
+    for b in range(_BINS):
+        inside = bins == b
+        if inside.any():
+            reliability.append(
+                {
+                    "probability": float(p[inside].mean()),
+                    "share": float(right[inside].mean()),
+                    "n": int(inside.sum()),
+                }
+            )
+            error += inside.mean() * abs(p[inside].mean() - right[inside].mean())
+    return {"reliability": reliability, "expected_calibration_error": float(error)}
+
+
+def _unpack(arrays: Mapping[str, NDArray[Any]]) -> _Record:
+    record: _Record = json.loads(arrays["record"].tobytes().decode())
+    return record

@@ -1,0 +1,146 @@
+"""Result, tables and figures of the discovery study."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from errorscreen.persistence import write_json_atomic, write_text_atomic
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: what each rate says, in the order of the table
+_RATES = {
+    "correct": "one effect or measurement fault hidden: named rightly",
+    "wrong": "named wrongly",
+    "unknown": "unknown",
+    "missed": "explained by parameters",
+    "false_alarm": "nothing hidden: something reported",
+    "outside_unknown": "outside of the library: unknown",
+    "outside_place": "outside of the library: right device",
+    "outside_port": "outside of the library: right port",
+    "both_found": "two effects hidden: both named",
+    "both_wrong": "two effects hidden: something named that is not there",
+}
+#: limits of the sizes over which the power curve is drawn, in multiples of the noise
+_SIZES = (0.0, 1.0, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0, np.inf)
+_DPI = 150
+
+
+def write_discovery(result: dict[str, Any], out: Path) -> None:
+    """Write ``result.json``, ``tables.md``, ``power.png`` and ``reliability.png`` into ``out``."""
+    out.mkdir(parents=True, exist_ok=True)
+    write_json_atomic(out / "result.json", result)
+    write_text_atomic(out / "tables.md", tables(result))
+    power_figure(result).savefig(out / "power.png", dpi=_DPI)
+    reliability_figure(result).savefig(out / "reliability.png", dpi=_DPI)
+
+
+def tables(result: dict[str, Any]) -> str:
+    """Rates, counts by kind and held-out errors as Markdown."""
+    lines = [
+        f"Case {result['case']}, {len(result['scenarios'])} hidden scenarios, seed {result['seed']}, noise "
+        f"{result['noise_db']:g} dB, effects at least {result['least_size']:g} times the noise. In brackets: 95 % "
+        "bootstrap interval.",
+        "",
+        "| | rate | scenarios |",
+        "|---|---|---|",
+    ]
+    for name, text in _RATES.items():
+        entry = result["rates"][name]
+        if entry["n"]:
+            low, high = entry["interval"]
+            lines.append(f"| {text} | {entry['value']:.3f} [{low:.3f}, {high:.3f}] | {entry['n']} |")
+    lines += [
+        "",
+        "| hidden | correct | wrong | unknown | parameters | false alarm |",
+        "|---|---|---|---|---|---|",
+    ]
+    for kind, counts in result["by_kind"].items():
+        lines.append(f"| {kind} | " + " | ".join(str(n) for n in counts.values()) + " |")
+    lines += ["", "| | |", "|---|---|"]
+    facts = {
+        "held-out error, extended over recalibrated model (median, named rightly)": result[
+            "held_out_ratio_median"
+        ],
+        "the same over a fit of the true structure": result["true_structure_ratio_median"],
+        "expected calibration error of the probabilities": result["expected_calibration_error"],
+        "seconds a search, median": result["seconds_median"],
+        "longest": result["seconds_max"],
+        "simulations a search, median": result["simulations_median"],
+    }
+    lines += [f"| {text} | {'' if value is None else f'{value:.3g}'} |" for text, value in facts.items()]
+    failures = [r for r in result["scenarios"] if r["outcome"] != "correct"]
+    if failures:
+        lines += ["", "Not named rightly:", "", "| hidden | size | verdict | named |", "|---|---|---|---|"]
+        for r in failures:
+            hidden = " + ".join(r["truth"]["hidden"]) or "nothing"
+            named = " + ".join(r["named"]) or (f"at {r['place']['port']}" if r["place"] else "")
+            lines.append(
+                f"| {r['truth']['device']}: {hidden} | {r['truth']['size']:.1f} | {r['verdict']} | {named} |"
+            )
+    return "\n".join(lines) + "\n"
+
+
+def power_figure(result: dict[str, Any]) -> Figure:
+    """Share of effects named rightly over their size."""
+    figure = _figure()
+    axes = figure.subplots()
+    rows = [r for r in result["scenarios"] if r["truth"]["kind"] in ("effect", "other form", "measurement")]
+    sizes = np.array([r["truth"]["size"] for r in rows])
+    at, shares, counts = [], [], []
+    for low, high in pairwise(_SIZES):
+        inside = (sizes >= low) & (sizes < high)
+        if inside.any():
+            at.append(float(np.median(sizes[inside])))
+            shares.append(
+                float(np.mean([r["outcome"] == "correct" for r, i in zip(rows, inside, strict=True) if i]))
+            )
+            counts.append(int(inside.sum()))
+    axes.plot(at, shares, "o-", color="#0b5fa5")
+    for x, y, n in zip(at, shares, counts, strict=True):
+        axes.annotate(f"{n}", (x, y), textcoords="offset points", xytext=(0, 6), ha="center", fontsize=8)
+    if at:
+        axes.set_xscale("log")
+    axes.set(
+        xlabel="part of the effect that survives a refit, in multiples of the noise",
+        ylabel="share named rightly",
+        ylim=(-0.02, 1.1),
+        title=f"{result['case']}, {result['noise_db']:g} dB (numbers: scenarios)",
+    )
+    return figure
+
+
+def reliability_figure(result: dict[str, Any]) -> Figure:
+    """Share of first causes that are right over the probability they were given."""
+    figure = _figure()
+    axes = figure.subplots()
+    axes.plot([0, 1], [0, 1], color="0.7", linewidth=1)
+    entries = result["reliability"]
+    axes.plot([e["probability"] for e in entries], [e["share"] for e in entries], "o", color="#0b5fa5")
+    for e in entries:
+        axes.annotate(
+            f"{e['n']}",
+            (e["probability"], e["share"]),
+            textcoords="offset points",
+            xytext=(6, -10),
+            fontsize=8,
+        )
+    axes.set(
+        xlabel="probability of the first cause",
+        ylabel="share that is right",
+        xlim=(-0.02, 1.05),
+        ylim=(-0.02, 1.05),
+        title=f"expected calibration error {result['expected_calibration_error']:.3f}",
+    )
+    return figure
+
+
+def _figure() -> Figure:
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(6.0, 4.0), layout="constrained")

@@ -1,0 +1,124 @@
+"""The discovery study: scenarios are what they say, records are summed up rightly, runs go on where they stopped."""
+
+import json
+
+import numpy as np
+import pytest
+
+from errorscreen.bench import discovery_study
+from errorscreen.bench.discovery import summarise
+from errorscreen.bench.hidden_effects import OTHER_FORMS, OUTSIDE
+from errorscreen.bench.plant_scenarios import draw_plant_scenario
+from errorscreen.bench.scenarios import MIX
+from errorscreen.cli import main
+from errorscreen.exceptions import InputError
+from tests.plants import DEVICE_NAMES, dip, flat, plant, random_rows
+
+HIDDEN = [(d, e) for d in DEVICE_NAMES for e in (*(e for e, _ in OTHER_FORMS[d]), *OUTSIDE[d])]
+
+
+@pytest.mark.parametrize(("device", "effect"), HIDDEN, ids=lambda x: getattr(x, "name", x))
+def test_hidden_effects_are_identities_at_strength_zero_and_leave_the_equilibrium_alone(device, effect):
+    base = plant(device, dip(stop=3.0), effects=[effect])
+    extended = base.extend(effect.name)
+    theta = random_rows(extended, 5, seed=1)
+    theta[:, len(base.parameters)] = 0.0
+    plain = base.simulate(theta[:, : len(base.parameters)]).values
+    assert np.array_equal(extended.simulate(theta).values, plain, equal_nan=True)
+    at_rest = plant(device, flat(stop=1.1), effects=[effect]).extend(
+        effect.name
+    )  # before anything is switched
+    values = at_rest.simulate(random_rows(at_rest, 5)).require_ok().values
+    assert np.abs(values - values[..., :1]).max() < 1e-9
+
+
+@pytest.mark.parametrize("kind", [kind for kind, _ in MIX])
+def test_a_scenario_hides_what_it_says(kind):
+    hidden = draw_plant_scenario(7, 40.0, kind=kind)
+    again = draw_plant_scenario(7, 40.0, kind=kind)
+    assert hidden.kind == kind
+    assert np.array_equal(hidden.recordings[0].values, again.recordings[0].values)
+    assert len(hidden.recordings) == len(hidden.held_out) == len(hidden.truths) == 2
+    count = {"nothing": 0, "two effects": 2}.get(kind, 1)
+    assert len(hidden.hidden) == count
+    assert bool(hidden.effects) == (kind not in ("nothing", "outside"))
+    assert (hidden.size >= 3) == (count > 0)
+    # the fitted model does not have what is hidden
+    assert not hidden.simulator.extensions
+    names = {e.name for e in hidden.simulator.effects}
+    assert set(hidden.effects) <= names
+    if kind in ("outside", "other form"):
+        assert not set(hidden.hidden) & names
+
+
+@pytest.mark.filterwarnings("ignore::errorscreen.exceptions.DataWarning")  # of some of the many draws
+def test_effects_below_the_noise_cannot_be_hidden():
+    with pytest.raises(InputError, match=r"none of 200 effects drawn is at least 1e\+09 times the noise"):
+        draw_plant_scenario(0, 40.0, kind="measurement", device="pv_plant", least_size=1e9)
+
+
+def record(kind, outcome, probability=0.9, top=True, size=5.0, **more):
+    truth = {"kind": kind, "device": "pv_plant", "hidden": ["a"], "right": ["a"], "place": "Pm", "size": size}
+    held_out = {"baseline": 20.0, "recalibrated": 10.0, "extended": 1.0, "true_structure": 0.8}
+    verdict = {"correct": "effect", "wrong": "effect", "unknown": "unknown"}.get(outcome, "parameters")
+    return {
+        "truth": truth, "outcome": outcome, "verdict": verdict, "named": ["a"] if outcome == "correct" else [],
+        "place": None, "probability": probability, "top_is_right": top, "held_out": held_out, "seconds": 1.0,
+        "simulations": 10, **more,
+    }  # fmt: skip
+
+
+def test_rates_count_what_they_say():
+    place = {"device": "pv_plant", "port": "Pm"}
+    rows = [
+        *[record("effect", "correct")] * 6, *[record("effect", "wrong", 0.6, False)] * 2,
+        *[record("other form", "unknown", 1.0, False)] * 2, *[record("nothing", "correct")] * 3,
+        record("nothing", "false alarm", 0.8, False), record("outside", "correct", verdict="unknown", place=place),
+        record("two effects", "unknown", 1.0, False),
+    ]  # fmt: skip
+    found = summarise(rows, 0)
+    rates = {name: entry["value"] for name, entry in found["rates"].items()}
+    assert rates["correct"] == 0.6
+    assert rates["wrong"] == rates["unknown"] == 0.2
+    assert rates["false_alarm"] == 0.25
+    assert rates["outside_unknown"] == rates["outside_place"] == rates["outside_port"] == 1
+    assert rates["both_found"] == 0
+    assert found["held_out_ratio_median"] == pytest.approx(0.1)
+    assert found["true_structure_ratio_median"] == pytest.approx(1.25)
+    low, high = found["rates"]["correct"]["interval"]
+    assert 0.2 < low < 0.6 < high < 0.95
+    # 10 right at 0.9, 2 wrong at 0.6, 1 wrong at 0.8, 3 wrong at 1.0, which shares a bin with 0.9
+    assert found["expected_calibration_error"] == pytest.approx(
+        (13 * abs((10 * 0.9 + 3 * 1.0) / 13 - 10 / 13) + 2 * 0.6 + 0.8) / 16
+    )
+
+
+def test_a_study_goes_on_where_it_stopped(tmp_path, capsys):
+    arguments = ["bench", "discovery", "--seed", "3", "--jobs", "1", "--quiet", "--out", str(tmp_path)]
+    assert main([*arguments, "--scenarios", "1"]) == 0
+    capsys.readouterr()
+    assert main([*arguments, "--scenarios", "2"]) == 0
+    printed = capsys.readouterr().out
+    assert "2 hidden scenarios, seed 3" in printed
+    result = json.loads((tmp_path / "result.json").read_text())
+    assert [r["number"] for r in result["scenarios"]] == [0, 1]
+    assert {"rates", "held_out_ratio_median", "expected_calibration_error"} <= set(result)
+    for name in ("tables.md", "power.png", "reliability.png"):
+        assert (tmp_path / name).stat().st_size > 0
+    assert main([*arguments[:3], "4", *arguments[4:], "--scenarios", "2"]) == 2
+    assert "belongs to another run" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"case": "ieee3"}, r"unknown case 'ieee3' \(did you mean 'ieee39'"),
+        ({"scenarios": 0}, "the number of scenarios"),
+        ({"noise_db": 200.0}, "noise_db"),
+        ({"least_size": -1.0}, "the least size"),
+        ({"n_jobs": 0}, "the number of jobs is 0"),
+    ],
+)
+def test_bad_arguments_are_refused(change, message, tmp_path):
+    with pytest.raises(InputError, match=message):
+        discovery_study(tmp_path, **change)

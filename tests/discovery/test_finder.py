@@ -1,0 +1,135 @@
+"""Hidden causes, drawn by seed, have to be found; where nothing is hidden, nothing may be found."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from errorscreen.bench.discovery import run_scenario
+from errorscreen.bench.plant_scenarios import draw_plant_scenario
+from errorscreen.discovery import CauseFinder, Verdict
+from errorscreen.exceptions import InputError
+from tests.plants import plant
+
+#: hidden causes drawn by seed; `errorscreen bench discovery` has more
+SEED, NUMBERS = 5, range(8)
+
+
+@pytest.fixture(scope="module")
+def records():
+    found = [run_scenario("plant", SEED, i, 40.0, 3.0) for i in NUMBERS]
+    kinds = {r["truth"]["kind"] for r in found}
+    return {kind: [r for r in found if r["truth"]["kind"] == kind] for kind in kinds}
+
+
+def test_nothing_wrong_is_named(records):
+    everything = [r for rows in records.values() for r in rows]
+    wrong = [
+        (r["truth"], r["named"]) for r in everything if r["outcome"] in ("wrong", "missed", "false alarm")
+    ]
+    assert not wrong
+
+
+def test_most_hidden_causes_are_named(records):
+    hidden = [r for kind in ("effect", "two effects", "measurement") for r in records.get(kind, [])]
+    assert len(hidden) >= 3
+    assert sum(r["outcome"] == "correct" for r in hidden) >= 0.7 * len(hidden)
+
+
+def test_what_is_named_reproduces_other_events(records):
+    named = [r for rows in records.values() for r in rows if r["named"] and r["outcome"] == "correct"]
+    ratios = [r["held_out"]["extended"] / r["held_out"]["recalibrated"] for r in named]
+    assert np.median(ratios) < 0.2
+
+
+def test_what_no_library_holds_is_unknown_and_placed():
+    hidden = draw_plant_scenario(3, 40.0, kind="outside", device="synchronous_machine")
+    finder = CauseFinder(hidden.simulator, random_state=0).fit(list(hidden.recordings))
+    assert finder.verdict_.kind == "unknown"
+    assert finder.causes_[0].name == "unknown"
+    assert (finder.places_[0].device, finder.places_[0].place) == ("synchronous_machine", hidden.place)
+    assert hidden.place in finder.verdict_.text
+    assert sum(p.probability for p in finder.places_) == pytest.approx(1)
+    # without an effect the extended model is the recalibrated one
+    assert finder.extended_simulator_.parameters.names == hidden.simulator.parameters.names
+
+
+@pytest.fixture(scope="module")
+def found():
+    """A stabiliser hidden in a machine, found on two events."""
+    hidden = draw_plant_scenario(2, 40.0, kind="effect", device="synchronous_machine")
+    lines = []
+    finder = CauseFinder(
+        hidden.simulator, [*hidden.effects, "lag_P", "offset_Q"], random_state=0, report=lines.append
+    )
+    return hidden, finder.fit(list(hidden.recordings)), lines
+
+
+def test_the_finder_is_a_simulator_of_what_it_found(found):
+    hidden, finder, lines = found
+    assert finder.verdict_.kind == "effect"
+    assert finder.causes_[0].name == hidden.effects[0]
+    assert sum(c.probability for c in finder.causes_) == pytest.approx(1)
+    assert finder.extended_simulator_.extensions[0].name == hidden.effects[0]
+    event = hidden.held_out[0].event
+    assert np.array_equal(finder.predict(event), finder.extended_simulator_.baseline(event))
+    assert finder.score(list(hidden.held_out)) > -2
+    assert finder.n_simulations_ > 0
+    assert any(hidden.effects[0] in line for line in lines)
+
+
+def test_intervals_hold_the_hidden_values(found):
+    hidden, finder, _ = found
+    intervals = list(finder.causes_[0].parameters.values())
+    inside = [
+        low - (high - low) <= v <= high + (high - low)
+        for (_, low, high), v in zip(intervals, hidden.values, strict=True)
+    ]
+    assert np.mean(inside) > 0.7
+
+
+def test_gain_is_measured_against_the_recalibrated_model(found):
+    hidden, finder, _ = found
+    gain = finder.measure_gain(list(hidden.held_out))
+    assert gain.holds
+    assert gain.extended < 0.3 * gain.recalibrated
+    assert finder.verdict_.kind == "effect"
+
+
+def test_an_extension_without_gain_is_withdrawn(found):
+    """Recordings that the model without the effect reproduces exactly speak against the effect."""
+    hidden, finder, _ = found
+    old = finder.recalibrated_simulator_
+    against = [replace(o, values=old.baseline(o.event)) for o in hidden.held_out]
+    kept = finder.extended_simulator_, finder.verdict_
+    try:
+        gain = finder.measure_gain(against)
+        assert not gain.holds
+        assert finder.verdict_.kind == "unknown"
+        assert "withdrawn" in finder.verdict_.text
+        assert finder.extended_simulator_ is old
+    finally:
+        finder.extended_simulator_, finder.verdict_ = kept
+    assert isinstance(finder.verdict_, Verdict)
+
+
+def test_bad_arguments_are_refused():
+    hidden = draw_plant_scenario(1, 40.0, kind="nothing", device="pv_plant")
+    recordings = list(hidden.recordings)
+    with pytest.raises(InputError, match=r"unknown effect 'exciter'.*volt_var"):
+        CauseFinder(hidden.simulator, ["exciter"]).fit(recordings)
+    with pytest.raises(InputError, match="effects is the text"):
+        CauseFinder(hidden.simulator, "volt_var").fit(recordings)
+    with pytest.raises(InputError, match="significance"):
+        CauseFinder(hidden.simulator, significance=0.0).fit(recordings)
+    with pytest.raises(InputError, match="an object of a subclass of Simulator"):
+        CauseFinder("a model").fit(recordings)
+
+
+def test_a_perfect_model_is_within_noise():
+    hidden = draw_plant_scenario(1, 40.0, kind="nothing", device="pv_plant")
+    true = plant("pv_plant", hidden.recordings[0].event).with_nominal(hidden.theta)
+    recordings = [true.quantified(o, hidden.theta) for o in hidden.recordings]
+    finder = CauseFinder(true, random_state=0, n_starts=1).fit(recordings)
+    assert finder.verdict_.kind == "within-noise"
+    assert list(finder.signatures_) == []

@@ -1,0 +1,70 @@
+"""Gain on held-out events: identity, right extension, wrong extension, failure."""
+
+import numpy as np
+import pytest
+
+from errorscreen.discovery import measure_gain
+from errorscreen.exceptions import InputError
+from errorscreen.observations import Observation
+from tests.plants import dip, plant
+
+NOISE = np.array([2e-3, 2e-3])
+
+
+@pytest.fixture(scope="module")
+def case():
+    """Old model, the true one with an exciter, a wrong one, and two recordings that none was fitted to."""
+    old = plant("synchronous_machine", dip(stop=5.0))
+    true, wrong = old.extend("exciter"), old.extend("scale_Q", a={"nominal": 0.1})
+    rng = np.random.default_rng(0)
+    recordings = []
+    for depth, duration in ((0.3, 0.2), (0.2, 0.4)):
+        event = dip(depth=depth, duration=duration, stop=5.0)
+        y = true.simulate(true.parameters.nominal, event).values[0]
+        noisy = y + NOISE[:, None] * rng.standard_normal(y.shape)
+        recordings.append(Observation(event, noisy, NOISE, old.channels, old.units))
+    return old, true, wrong, recordings
+
+
+def test_no_change_is_no_gain(case):
+    old, _, _, recordings = case
+    gain = measure_gain(old, old, old, recordings)
+    assert gain.gain == 0
+    assert gain.interval == (0, 0)
+    assert not gain.holds
+
+
+def test_the_right_extension_leaves_noise(case):
+    old, true, wrong, recordings = case
+    gain = measure_gain(old, old, true, recordings, placebo=wrong)
+    assert gain.extended == pytest.approx(1.0, abs=0.1)
+    assert gain.recalibrated > 3
+    assert gain.gain == pytest.approx(1 - (gain.extended / gain.recalibrated) ** 2)
+    low, high = gain.interval
+    assert 0.5 < low <= gain.gain <= high < 1
+    assert gain.placebo < 0.2
+    assert gain.holds
+    assert [e.recording for e in gain.events] == ["dip", "dip"]
+
+
+def test_a_wrong_extension_does_not_hold(case):
+    old, _, wrong, recordings = case
+    gain = measure_gain(old, old, wrong, recordings, placebo=old)
+    assert gain.gain < 0
+    assert not gain.holds
+
+
+def test_a_model_that_fails_gains_nothing(case):
+    old, _, _, recordings = case
+    # a rotor without inertia diverges at this step
+    space = old.parameters.replace({"Tj": {"lower": 1e-6, "nominal": 1e-6, "scale": 9.0}})
+    broken = plant("synchronous_machine", dip(stop=5.0), parameters=space)
+    gain = measure_gain(old, old, broken, recordings)
+    assert gain.gain == -np.inf
+    assert not gain.holds
+
+
+def test_no_recording_is_refused(case):
+    old, true, _, _ = case
+    with pytest.raises(InputError, match="list of recordings is empty"):
+        measure_gain(old, old, true, [])

@@ -1,0 +1,86 @@
+"""Joint fits, evidence and signatures of hypotheses."""
+
+import numpy as np
+import pytest
+
+from errorscreen.calibration.problem import FitProblem
+from errorscreen.discovery.hypotheses import PRIOR, JointFit, described, fit_hypothesis, linearised, signature
+from errorscreen.observations import Observation
+from tests.plants import dip, plant
+
+NOISE = np.array([2e-3, 2e-3])
+
+
+def recorded(simulator, theta, seed=0):
+    """Observation of a simulator at some parameters, with noise."""
+    y = simulator.simulate(theta).require_ok().values[0]
+    noisy = y + NOISE[:, None] * np.random.default_rng(seed).standard_normal(y.shape)
+    return Observation(simulator.event, noisy, NOISE, simulator.channels, simulator.units)
+
+
+@pytest.fixture(scope="module")
+def hidden():
+    """A machine with deviating parameters and an exciter, and what was recorded of it."""
+    base = plant("synchronous_machine", dip(stop=5.0))
+    theta = base.parameters.nominal * np.random.default_rng(1).uniform(0.85, 1.15, 8)
+    values = np.array([120.0, 0.2, 6.0, 0.1])
+    return base, theta, values, recorded(base.extend("exciter"), np.concatenate([theta, values]))
+
+
+def test_evidence_is_the_marginal_likelihood_of_a_linear_model():
+    """z = r + J u with u ~ N(0, s²): ln N(r; 0, I + s² J Jᵀ), up to the constant that all models share."""
+    base = plant("synchronous_machine", dip(stop=2.0))
+    problem = FitProblem(base, recorded(base, base.parameters.nominal))
+    rng = np.random.default_rng(0)
+    n, k = problem.n_values, 8
+    J, r = rng.standard_normal((n, k)) * 3, rng.standard_normal(n)
+    A = J.T @ J + np.eye(k) / PRIOR**2
+    u = -np.linalg.solve(A, J.T @ r)
+    found = described((), problem, u, r + J @ u, J, "converged")
+    covariance = np.eye(n) + PRIOR**2 * J @ J.T
+    expected = -0.5 * r @ np.linalg.solve(covariance, r) - 0.5 * np.linalg.slogdet(covariance)[1]
+    assert found.evidence == pytest.approx(expected, rel=1e-9)
+
+
+def test_the_joint_fit_finds_parameters_and_effect(hidden):
+    base, theta, values, observation = hidden
+    problem = FitProblem(base.extend("exciter"), observation)
+    near = np.concatenate([theta, values]) * 1.03
+    start = (near - problem.space.nominal) / problem.space.scales
+    found = fit_hypothesis(base.extend("exciter").extensions, problem, start)
+    assert found.chi2_per_sample < 1.15
+    intervals = found.parameters_of(found.effects[0], width=4.0)
+    assert set(intervals) == {"K", "TA_TB", "TB", "TE"}
+    triples = list(intervals.values())
+    assert all(low <= value <= high for value, low, high in triples)
+    assert sum(low <= true <= high for (_, low, high), true in zip(triples, values, strict=True)) >= 3
+    assert np.abs(found.predict(observation.event) - observation.values).std() < 1.2 * NOISE[0]
+
+
+def test_a_fit_goes_on_where_it_stopped(hidden):
+    base, _, _, observation = hidden
+    effects = base.extend("exciter").extensions
+    at_once = JointFit(effects, FitProblem(base.extend("exciter"), observation), np.zeros(12)).run(8)
+    in_parts = JointFit(effects, FitProblem(base.extend("exciter"), observation), np.zeros(12))
+    first = in_parts.run(3).objective
+    assert in_parts.run(5).objective == at_once.objective
+    assert in_parts.gained == pytest.approx(first - at_once.objective)
+
+
+def test_the_right_effect_has_the_best_signature(hidden):
+    """Before any joint fit; what is promised is an estimate of what the joint fit reaches."""
+    base, _, _, observation = hidden
+    problem = FitProblem(base, observation)
+    fitted = fit_hypothesis((), problem, np.zeros(8))
+    zero = np.zeros(8)
+    points = [(fitted.u, fitted.jacobian), (zero, linearised(problem, zero)[1])]
+    found = {
+        e.name: signature(base, [observation], e, points, 64, 0, 64)
+        for e in base.effects
+        if e.kind != "latent"
+    }
+    best = min(found, key=lambda name: found[name].objective)
+    assert best == "exciter"
+    assert found["exciter"].objective < 0.1 * fitted.objective
+    again = signature(base, [observation], found["exciter"].effect, points, 64, 0, 64)
+    assert np.array_equal(again.starts, found["exciter"].starts)
