@@ -51,6 +51,10 @@ library = 64
 starts = 2
 particles = 5
 iterations = 3
+[discovery]
+max_effects = 1
+fits = 1
+draws = 8
 """
 
 

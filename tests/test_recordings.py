@@ -220,20 +220,23 @@ def test_a_channel_needs_positive_noise():
 
 
 def test_deviations_of_a_right_simulation_are_white_and_of_unit_size():
-    """Noise, uncertain samples and an offset of the level: the covariance is divided out."""
+    """Noise, uncertain samples, an offset of the level and slow errors: the covariance is divided out."""
     rng = np.random.default_rng(0)
     time = np.arange(200.0)
     after = time >= 50
     noise, level = np.array([0.1, 2.0]), np.array([0.05, 0.5])
     extra = np.zeros((2, 200))
     extra[:, 60:70] = 0.3
+    # two slow errors that both channels share
+    modes = np.stack([np.outer([0.3, 4.0], np.sin(time / 20)), np.outer([0.1, -5.0], np.cos(time / 35))])
     seen = Observation(
-        Event(time, start=50.0), np.zeros((2, 200)), noise, ("P", "Q"), ("", ""), (), extra, level
+        Event(time, start=50.0), np.zeros((2, 200)), noise, ("P", "Q"), ("", ""), (), extra, level, modes
     )
     draws = rng.standard_normal((4000, 2, 200)) * seen.sigma
     draws += rng.standard_normal((4000, 2, 1)) * level[:, None] * after
+    draws += np.einsum("nk,krl->nrl", rng.standard_normal((4000, 2)), modes)
     z = seen.deviations(draws)
-    covariance = np.cov(z[:, 0].T)
+    covariance = np.cov(z.reshape(len(z), -1).T)
     assert np.abs(np.diag(covariance) - 1).max() < 0.1
     assert np.abs(covariance - np.diag(np.diag(covariance))).max() < 0.1
     assert abs(np.mean(z**2) - 1) < 0.01

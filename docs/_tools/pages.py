@@ -184,8 +184,9 @@ def effect_table():
         parameters = [parameter_cells(effect.local(p.name), p) for p in effect.parameters]
         text += [
             f"### `{effect.name}`: {effect.title}\n",
-            f"{effect.description} Acts on `{effect.port}` of {', '.join(devices) or _OF[effect.kind]}. Easily confused with "
-            f"{'; '.join(effect.confused_with)}. Source: {effect.source}.\n",
+            f"{effect.description} `{effect.formula}` Acts on `{effect.port}` of "
+            f"{', '.join(devices) or _OF[effect.kind]}. Easily confused with {'; '.join(effect.confused_with)}. "
+            f"Source: {effect.source}.\n",
             table(PARAMETER_HEADER, parameters),
         ]
     return "\n".join(text)

@@ -1,11 +1,13 @@
 import copy
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from errorscreen.events import Event, Playback
 from errorscreen.exceptions import InputError
+from errorscreen.observations import Observation
 from errorscreen.power import DEVICES
 from errorscreen.simulators import PlantSimulator
 from tests.plants import DEVICE_NAMES, OPERATING_POINT, dip, plant, random_rows
@@ -110,3 +112,36 @@ def test_channels_can_be_chosen():
     theta = both.parameters.nominal
     assert np.array_equal(only.simulate(theta).values[:, 0], both.simulate(theta).values[:, 1])
     assert PlantSimulator("pv_plant", dip(), channels=("Q", "P")).channels == ("Q", "P")
+
+
+def test_noise_of_injected_signals_leaves_the_device_as_predicted():
+    """Slow errors of the responses to many noisy injections against those that the observation predicts."""
+    sigma = {"V": 1e-3, "angle": 1e-3}
+    event = replace(dip(stop=4.0), noise=sigma)
+    simulator = plant("synchronous_machine", event)
+    nominal = simulator.parameters.nominal
+    y = simulator.baseline()
+    empty = Observation(event, y, np.full(2, 1e-6), simulator.channels, simulator.units)
+    seen = simulator.quantified(replace(empty, noise=np.full(2, 2e-3)), nominal)
+    rng = np.random.default_rng(0)
+    draws = []
+    for _ in range(300):
+        noisy = {k: v + sigma[k] * rng.standard_normal(len(v)) for k, v in event.signals.items()}
+        draws.append(simulator.simulate(nominal, replace(event, signals=noisy)).values[0] - y)
+    draws = np.array(draws)
+    blocks = np.array(draws)[:, :, 60:].reshape(len(draws), 2, -1, 12).mean(axis=-1)  # of 0.2 s
+    modes = seen.modes[:, :, 60:].reshape(len(seen.modes), 2, -1, 12).mean(axis=-1)
+    predicted = np.sqrt((modes**2).sum(axis=0))
+    found = np.sqrt(np.maximum(blocks.var(axis=0) - draws[:, :, :50].var(axis=(0, 2))[:, None] / 12, 0.0))
+    late = predicted.shape[1] // 2  # slow errors need time to grow
+    ratio = predicted[0, late:].mean() / found[0, late:].mean()
+    assert 0.7 < ratio < 1.4
+    assert found[0, late:].mean() > found[0, :2].mean()
+
+
+def test_a_refined_simulator_differs_only_by_its_step():
+    base = plant("pv_plant", step=0.004)
+    fine = base.refined(4)
+    assert (fine.step, base.step) == (0.001, 0.004)
+    assert np.array_equal(fine.baseline(), plant("pv_plant", step=0.001).baseline())
+    assert fine.parameters is base.parameters

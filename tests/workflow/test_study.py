@@ -4,17 +4,24 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from errorscreen.cases.case_models import CalibrationSection, RunSection, ScreeningSection
+from errorscreen.bench.plant_scenarios import draw_plant_scenario
+from errorscreen.cases.case_models import (
+    CalibrationSection,
+    DiscoverySection,
+    RunSection,
+    ScreeningSection,
+)
 from errorscreen.cases.demo import demo_recordings
 from errorscreen.screening import RelativeThresholdSelector, TopKSelector
 from errorscreen.simulators import PlantSimulator
-from errorscreen.workflow import Study, build_result, run_study
+from errorscreen.workflow import Study, build_result, run_study, write_outputs
 from errorscreen.workflow.demo import demo_study
 from errorscreen.workflow.screen import selector
 
 QUICK = SimpleNamespace(
     screening=ScreeningSection(methods=["sensitivity", "random"], top_k=3),
     calibration=CalibrationSection(library=256, starts=4),
+    discovery=DiscoverySection(enabled=False),
     run=RunSection(),
 )
 
@@ -39,6 +46,7 @@ def test_the_fingerprint_knows_everything_the_result_depends_on():
         replace(base, calibration=CalibrationSection(level=0.5)),
         replace(base, screening=ScreeningSection(top_k=2)),
         replace(base, run=RunSection(random_state=1)),
+        replace(base, discovery=DiscoverySection(fits=3)),
         replace(base, held_out=()),
         replace(base, simulator=base.simulator.extend("exciter")),
         replace(base, simulator=base.simulator.with_nominal(base.simulator.parameters.nominal * 1.01)),
@@ -105,3 +113,43 @@ def test_a_verdict_does_not_need_map_among_the_calibrators(tmp_path):
 def test_the_demo_hides_other_parameters_for_each_seed():
     truths = [demo_study(seed).truth for seed in (0, 1)]
     assert all(truths[0][name] != truths[1][name] for name in truths[0])
+
+
+@pytest.fixture(scope="module")
+def hidden_effect(tmp_path_factory):
+    """A machine with a hidden stabiliser, searched as `errorscreen run` does."""
+    hidden = draw_plant_scenario(2, 40.0, kind="effect", device="synchronous_machine")
+    sections = SimpleNamespace(**vars(QUICK))
+    sections.discovery = DiscoverySection(effects=[*hidden.effects, "lag_P"], max_effects=1)
+    study = Study(
+        "hidden", hidden.simulator, hidden.recordings[0], hidden.held_out, 100.0, 60.0,
+        sections.screening, sections.calibration, sections.discovery, sections.run,
+    )  # fmt: skip
+    out = tmp_path_factory.mktemp("hidden")
+    return hidden, study, out, run_study(study, out)
+
+
+def test_a_hidden_effect_is_named_extended_and_gains(hidden_effect):
+    hidden, _, out, outcome = hidden_effect
+    result = build_result(outcome)
+    assert result.verdict.kind == "effect"
+    first = result.verdict.causes[0]
+    assert first.name == hidden.effects[0]
+    assert first.equation
+    assert first.explanation
+    assert {p.name.split(".")[0] for p in first.parameters} == {hidden.effects[0]}
+    assert result.gain.extended < 0.5 * result.gain.recalibrated
+    assert len(result.gain.events) == len(hidden.held_out)
+    assert result.discovery.hypotheses[0].evidence > 10
+    report = write_outputs(outcome, out)[1].read_text(encoding="utf-8")
+    assert "What parameters cannot explain" in report
+    assert "Gain on events that were not fitted" in report
+    assert first.equation.split(",")[0].replace("'", "&#39;") in report
+
+
+def test_the_search_is_taken_over_from_an_earlier_run(hidden_effect):
+    _, study, out, outcome = hidden_effect
+    again = run_study(study, out)
+    assert "discovery" in again.reused
+    assert again.verdict == outcome.verdict
+    assert np.array_equal(again.discovered.responses[1], outcome.discovered.responses[1])
