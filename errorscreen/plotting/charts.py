@@ -304,7 +304,7 @@ def plot_waveform(
     Examples
     --------
     >>> plot_waveform([0.0, 1.0], [0.0, 0.2], "Pm").axes[0].get_ylabel()
-    'Pm (pu)'
+    'Pm in pu'
     """
     figure = _figure(7.0, 2.6)
     axes = figure.subplots()

@@ -155,7 +155,7 @@ BAD = {
     "key at the wrong place": (
         replaced('title = "line trip"', "random_state = 3"),
         "unknown section or key 'random_state'. Allowed: title, recording, held_out, device, simulation, "
-        "screening, calibration, run. 'random_state' belongs to [run].",
+        "screening, calibration, discovery, run. 'random_state' belongs to [run].",
     ),
     "unknown key of a column": (
         replaced('unit = "kV"', 'units = "kV"'),

@@ -32,7 +32,8 @@ def test_strength_zero_is_an_exact_identity(device, effect, engine):
     assert np.array_equal(alone, plain[::3], equal_nan=True)
     on = np.setdiff1d(np.arange(33), np.arange(0, 33, 3))
     # a limiter rests where its limit is not reached
-    assert np.nanmax(np.abs(mixed[on] - plain[on])) > 1e-3
+    if effect != "trip":  # which takes longer than this record
+        assert np.nanmax(np.abs(mixed[on] - plain[on])) > 1e-3
 
 
 @pytest.mark.parametrize(("device", "effect"), [pair for pair in PAIRS if not pair[1].startswith(RESTLESS)])
