@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from functools import cache
+from collections.abc import Sequence
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -19,18 +20,16 @@ from errorscreen.bench.paper_draw import (
     step_error,
 )
 from errorscreen.bench.scenarios import (
-    HELD,
     LEAST_SIZE,
-    TRIES,
     Scenario,
+    Setup,
     draw_kind,
-    draw_values,
+    draw_scenario,
     pick,
-    smallest_size,
-    too_small,
 )
 from errorscreen.cases import ieee39_events, load_ieee39
 from errorscreen.effects import Effect
+from errorscreen.events import GridEvent
 from errorscreen.observations import Observation
 from errorscreen.power import DEVICES
 from errorscreen.simulators import PowerSystemSimulator, Simulator
@@ -61,57 +60,32 @@ def draw_grid_scenario(
     rng = np.random.default_rng(seed)
     drawn = draw_kind(rng)
     kind = kind or drawn
-    truth, simulator = _truth(), _model()
-    lower, upper = truth.parameters.bounds.T
+    setup = _setup()
+    lower, upper = setup.truth.parameters.bounds.T
     theta = rng.uniform(lower, upper)
-    events = ieee39_events()
-    names = (*FIT_EVENTS, *(name for name in events if name not in FIT_EVENTS))
-    for _ in range(TRIES):
-        effects, right = _draw_effects(kind, device, rng)
-        own = [draw_values(effect, rng) for effect in effects]
-        extended: Simulator = truth
-        for effect in effects:
-            extended = extended.extend(effect.name)
-        values = np.concatenate([theta, *own])
-        clean = {name: extended.simulate(values, events[name]) for name in names}
-        if not all(r.ok.all() for r in clean.values()):
-            continue
-        responses = {name: r.values[0] for name, r in clean.items()}
-        noise_rng = np.random.default_rng(int(rng.integers(2**32)))
-        observations = []
-        for name in names:
-            noise = noise_of(responses[name], events[name], noise_db)
-            measured = responses[name] + noise[:, None] * noise_rng.standard_normal(responses[name].shape)
-            extra = _step_errors()[name]
-            observations.append(
-                Observation(events[name], measured, noise, truth.channels, truth.units, extra=extra)
-            )
-        changes = []
-        for k in range(len(effects)):  # each effect alone, with the others as they are
-            without = values.copy()
-            without[len(theta) + sum(map(len, own[:k]))] = 0.0
-            changes.append(
-                [responses[n] - extended.simulate(without, events[n]).values[0] for n in FIT_EVENTS]
-            )
-        size = smallest_size(simulator, theta, observations[: len(FIT_EVENTS)], changes)
-        if effects and not size >= least_size:
-            continue
-        return Scenario(
-            kind,
-            effects[0].device or effects[0].kind if effects else "",
-            right,
-            tuple(e.name for e in effects),
-            effects[0].port if effects else "",
-            size,
-            theta,
-            simulator,
-            tuple(observations[: len(FIT_EVENTS)]),
-            tuple(observations[len(FIT_EVENTS) :]),
-            tuple(responses[n] for n in names[len(FIT_EVENTS) :]),
-            right if kind in HELD else (),
-            np.concatenate([np.zeros(0), *own]),
-        )
-    raise too_small(noise_db, least_size)
+    return draw_scenario(setup, rng, kind, device, theta, noise_db, least_size)
+
+
+@cache
+def _setup() -> Setup:
+    named = ieee39_events()
+    events = [named[name] for name in FIT_EVENTS] + [e for name, e in named.items() if name not in FIT_EVENTS]
+    return Setup(_truth(), events, len(FIT_EVENTS), 1, _draw_effects, partial(_record, events))
+
+
+def _record(
+    events: Sequence[GridEvent], responses: Sequence[_Array], noise_db: float, seed: int
+) -> tuple[list[Observation], Simulator]:
+    """Add noise to each channel."""
+    rng = np.random.default_rng(seed)
+    model = _model()
+    observations = []
+    for event, response in zip(events, responses, strict=True):
+        noise = noise_of(response, event, noise_db)
+        measured = response + noise[:, None] * rng.standard_normal(response.shape)
+        extra = _step_errors()[event.name]
+        observations.append(Observation(event, measured, noise, model.channels, model.units, extra=extra))
+    return observations, model
 
 
 def _draw_effects(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -11,24 +11,20 @@ from numpy.typing import NDArray
 
 from errorscreen.bench.hidden_effects import OTHER_FORMS, OUTSIDE
 from errorscreen.bench.scenarios import (
-    HELD,
     LEAST_SIZE,
-    TRIES,
     Scenario,
+    Setup,
     draw_kind,
-    draw_values,
+    draw_scenario,
     pick,
-    smallest_size,
-    too_small,
 )
 from errorscreen.effects import LIBRARY, Effect, measurement_effects
 from errorscreen.engine.vmath import smooth_step
 from errorscreen.events import Playback
-from errorscreen.exceptions import InputError
 from errorscreen.observations import Observation
 from errorscreen.power import DEVICES
 from errorscreen.recordings import Recording
-from errorscreen.simulators import PlantSimulator, Simulator
+from errorscreen.simulators import PlantSimulator
 
 #: step of the hidden truth in seconds, a tenth of the one that the fitted model uses
 TRUTH_STEP = 2.5e-4
@@ -113,50 +109,13 @@ def draw_plant_scenario(
     kind, device = kind or drawn_kind, device or drawn_device
     space = DEVICES[device].candidates
     theta = space.nominal * rng.uniform(0.75, 1.25, len(space))
+    return draw_scenario(_setup(device), rng, kind, device, theta, noise_db, least_size)
+
+
+@cache
+def _setup(device: str) -> Setup:
     events = [_fine_event(side) for side in (*FIT, *HELD_OUT)]
-    truth = _truth(device)
-    for _ in range(TRIES):
-        effects, right = _draw_effects(kind, device, rng)
-        own = [draw_values(effect, rng) for effect in effects]
-        extended: Simulator = truth
-        for effect in effects:
-            extended = extended.extend(effect.name)
-        values = np.concatenate([theta, *own])
-        clean = [extended.simulate(values, e) for e in events]
-        if not all(r.ok.all() for r in clean):
-            continue
-        try:
-            observations, simulator = _record(
-                device, events, [r.values[0] for r in clean], noise_db, int(rng.integers(2**32))
-            )
-        except InputError:  # it moves before the event: no such record is accepted
-            continue
-        fitted = observations[: len(FIT)]
-        changes = []
-        for k in range(len(effects)):  # each effect alone, with the others as they are
-            without = values.copy()
-            without[len(theta) + sum(map(len, own[:k]))] = 0.0
-            others = [extended.simulate(without, e).values[0] for e in events[: len(FIT)]]
-            changes.append([(c.values[0] - o)[:, ::_FINE] for c, o in zip(clean, others, strict=False)])
-        size = smallest_size(simulator, theta, fitted, changes)
-        if effects and not size >= least_size:
-            continue
-        return Scenario(
-            kind,
-            device,
-            right,
-            tuple(e.name for e in effects),
-            effects[0].port if effects else "",
-            size,
-            theta,
-            simulator,
-            tuple(fitted),
-            tuple(observations[len(FIT) :]),
-            tuple(r.values[0][:, ::_FINE] for r in clean[len(FIT) :]),
-            right if kind in HELD else (),
-            np.concatenate([np.zeros(0), *own]),
-        )
-    raise too_small(noise_db, least_size)
+    return Setup(_truth(device), events, len(FIT), _FINE, _draw_effects, partial(_record, device, events))
 
 
 def _draw_effects(

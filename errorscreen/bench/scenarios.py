@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,6 +84,34 @@ class Scenario:
     values: _Array
 
 
+@dataclass(frozen=True)
+class Setup:
+    """What the scenarios of one case have in common.
+
+    Parameters
+    ----------
+    truth : Simulator
+        With every effect of the library and all that only truths have.
+    events : sequence of Event
+        Those to fit, then those to judge on, on the time axis of the truth.
+    n_fit : int
+        How many of them are fitted.
+    every : int
+        Every so many samples of the truth are recorded.
+    hide : callable
+        ``hide(kind, device, rng)`` draws hidden effects and the names that are right.
+    record : callable
+        ``record(responses, noise_db, seed)`` gives an observation of each event and the simulator to fit.
+    """
+
+    truth: Simulator
+    events: Sequence[Any]
+    n_fit: int
+    every: int
+    hide: Callable[..., tuple[tuple[Effect, ...], tuple[str, ...]]]
+    record: Callable[..., tuple[list[Observation], Simulator]]
+
+
 def draw_kind(rng: np.random.Generator) -> str:
     """Kind of a scenario, by the shares of `MIX`."""
     names, shares = zip(*MIX, strict=True)
@@ -101,27 +130,81 @@ def draw_values(effect: Effect, rng: np.random.Generator) -> _Array:
     return np.array(values)
 
 
-def too_small(noise_db: float, least_size: float) -> InputError:
-    """Build the error for draws none of which is large enough."""
-    return InputError(
-        f"none of {TRIES} effects drawn is at least {least_size:g} times the noise at {noise_db:g} dB",
-        allowed="less noise, or a smaller least size",
-    )
-
-
 def pick(rng: np.random.Generator, items: Sequence[Effect]) -> Effect:
     """One of some effects."""
     return items[int(rng.integers(len(items)))]
 
 
-def smallest_size(
-    simulator: Simulator,
+def draw_scenario(
+    setup: Setup,
+    rng: np.random.Generator,
+    kind: str,
+    device: str | None,
     theta: _Array,
-    observations: Sequence[Observation],
-    changes: Sequence[Sequence[_Array]],
-) -> float:
-    """Size of the smallest of some changes of the responses, see `surviving`; 0 without any."""
-    return min((surviving(simulator, theta, observations, change) for change in changes), default=0.0)
+    noise_db: float,
+    least: float,
+) -> Scenario:
+    """Draw what is hidden until each effect's own part is at least `least` times the noise, and record it.
+
+    Parameters
+    ----------
+    setup : Setup
+    rng : numpy.random.Generator
+    kind : str
+        Of `MIX`.
+    device : str or None
+        Where the first effect is hidden; drawn where not given.
+    theta : ndarray of shape (m,)
+        Hidden parameters.
+    noise_db, least : float
+    """
+    for _ in range(TRIES):
+        effects, right = setup.hide(kind, device, rng)
+        own = [draw_values(effect, rng) for effect in effects]
+        truth = setup.truth
+        for effect in effects:
+            truth = truth.extend(effect.name)
+        values = np.concatenate([theta, *own])
+        clean = [truth.simulate(values, e) for e in setup.events]
+        if not all(r.ok.all() for r in clean):
+            continue
+        responses = [r.values[0][:, :: setup.every] for r in clean]
+        try:
+            observations, simulator = setup.record(
+                [r.values[0] for r in clean], noise_db, int(rng.integers(2**32))
+            )
+        except InputError:  # it moves before the event: no such record is accepted
+            continue
+        n = setup.n_fit
+        sizes = []
+        for k in range(len(effects)):  # each effect alone, with the others as they are
+            without = values.copy()
+            without[len(theta) + sum(map(len, own[:k]))] = 0.0
+            others = [truth.simulate(without, e).values[0][:, :: setup.every] for e in setup.events[:n]]
+            change = [y - o for y, o in zip(responses, others, strict=False)]
+            sizes.append(surviving(simulator, theta, observations[:n], change))
+        if effects and not min(sizes) >= least:
+            continue
+        place = (effects[0].device or device or effects[0].kind) if effects else device or ""
+        return Scenario(
+            kind,
+            place,
+            right,
+            tuple(e.name for e in effects),
+            effects[0].port if effects else "",
+            min(sizes, default=0.0),
+            theta,
+            simulator,
+            tuple(observations[:n]),
+            tuple(observations[n:]),
+            tuple(responses[n:]),
+            right if kind in HELD else (),
+            np.concatenate([np.zeros(0), *own]),
+        )
+    raise InputError(
+        f"none of {TRIES} effects drawn is at least {least:g} times the noise at {noise_db:g} dB",
+        allowed="less noise, or a smaller least size",
+    )
 
 
 def surviving(

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.stats import chi2, norm
 from sklearn.utils.validation import check_is_fitted
 from tqdm import tqdm
@@ -72,6 +72,9 @@ class MAPCalibrator(BaseCalibrator):
         Largest number of starts; the first is the nominal one. With 1 there is no library. They are followed two
         at a time, and the others are left out as soon as two have ended at the lowest objective so far and noise
         explains what is left there.
+    starts : array-like of shape (s, m) or (m,), optional
+        Values of all parameters from which the first starts begin instead of the nominal ones, for example those of
+        an earlier calibration.
     library_size : int, default 2048
         Number of simulations, for each recording, from which the other starts are taken.
     max_iterations : int, default 50
@@ -133,6 +136,7 @@ class MAPCalibrator(BaseCalibrator):
         *,
         prior_scale: float = 0.3,
         n_starts: int = 8,
+        starts: ArrayLike | None = None,
         library_size: int = 2048,
         max_iterations: int = 50,
         tol: float = 1e-2,
@@ -145,6 +149,7 @@ class MAPCalibrator(BaseCalibrator):
         self.names = names
         self.prior_scale = prior_scale
         self.n_starts = n_starts
+        self.starts = starts
         self.library_size = library_size
         self.max_iterations = max_iterations
         self.tol = tol
@@ -284,17 +289,21 @@ class MAPCalibrator(BaseCalibrator):
         )
 
     def _starts(self, problem: FitProblem) -> NDArray[np.float64]:
-        """Nominal, and the best matches of the library, in u."""
+        """Those given or the nominal one, and the best matches of the library, in u."""
         space = problem.space
-        others = check_integer(self.n_starts, "n_starts") - 1
-        nominal = np.zeros((1, len(space)))
+        first = np.zeros((1, len(space)))
+        if self.starts is not None:
+            everything = self.simulator.parameters
+            columns = [everything.index(name) for name in problem.names]
+            first = (everything.validate(self.starts)[:, columns] - space.nominal) / space.scales
+        others = max(0, check_integer(self.n_starts, "n_starts") - len(first))
         if not others:
-            return nominal
+            return first
         size = check_integer(self.library_size, "library_size", low=others)
         library = latin_hypercube(space, size, self.random_state)
         u = (library - space.nominal) / space.scales
         costs = problem.chi_square(library) + ((u / self.prior_scale) ** 2).sum(axis=1)
-        return np.vstack([nominal, u[np.argsort(costs, kind="stable")[:others]]])  # NaN comes last
+        return np.vstack([first, u[np.argsort(costs, kind="stable")[:others]]])  # NaN comes last
 
     def _finish(
         self, problem: FitProblem, search: BoundedSearch, history: list[tuple[float, int, int]]

@@ -10,10 +10,11 @@ from errorscreen.discovery.diagnosis import (
     noise_limit,
     stage_errors,
 )
-from errorscreen.discovery.finder import Cause, CauseFinder, Group
+from errorscreen.discovery.finder import CauseFinder, Group
 from errorscreen.discovery.gain import EventGain, Gain, measure_gain
 from errorscreen.discovery.hypotheses import Hypothesis
 from errorscreen.discovery.latent import Place, rank_places
+from errorscreen.discovery.ranking import Cause
 from errorscreen.discovery.remainder import Cell, Remainder, remainder_test
 
 __all__ = [

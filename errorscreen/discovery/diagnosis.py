@@ -208,6 +208,8 @@ def judge(
     before: Sequence[ArrayLike],
     calibrator: Any,
     held_out: Sequence[Observation] = (),
+    *,
+    passes: tuple[bool, bool] | None = None,
 ) -> Verdict:
     """Compare the errors before and after the calibration of all parameters with the noise.
 
@@ -222,6 +224,9 @@ def judge(
         model's structure.
     held_out : sequence of Observation
         What was not fitted. Parameters count as the explanation only if they also reproduce these.
+    passes : (bool, bool), optional
+        Whether the errors before and after the calibration pass for noise, where a sharper test has decided that
+        (`remainder_test`); by `noise_limit` where not given.
 
     Returns
     -------
@@ -234,18 +239,19 @@ def judge(
     figures = (
         f"χ²/N is {nominal:.3g} before and {fitted:.3g} after calibration; noise explains up to {limit:.3g}."
     )
-    if nominal > limit >= fitted and fitted < limit**-2:
+    before_passes, after_passes = (nominal <= limit, fitted <= limit) if passes is None else passes
+    if after_passes and not before_passes and fitted < limit**-2:
         return Verdict(
             "unknown",
             "What is left is far below what was taken for noise, so errors of that size cannot be seen and nothing "
             f"can be concluded. {figures} Something else than noise moves before the event: use a window without it, "
             "or give the noise of the channels.",
         )
-    if nominal <= limit:
+    if before_passes:
         return Verdict(
             "within-noise", f"The simulation agrees with the recording within its noise. {figures}"
         )
-    if fitted <= limit:
+    if after_passes:
         return _explained(figures, calibrator, held_out)
     if not calibrator.converged_:
         return Verdict(

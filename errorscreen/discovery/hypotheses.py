@@ -23,7 +23,6 @@ from scipy.linalg import cho_factor, cho_solve
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.calibration.search import BoundedSearch
 from errorscreen.effects.base import Effect
-from errorscreen.exceptions import SimulationError
 from errorscreen.observations import Observation
 from errorscreen.parameters import Parameter, ParameterSpace
 from errorscreen.sampling import generator, latin_hypercube
@@ -106,14 +105,14 @@ class Hypothesis:
         covariance = np.linalg.inv(A)
         return np.asarray(covariance * np.outer(self.free, self.free))
 
-    def parameters_of(self, effect: Effect, width: float = 1.645) -> dict[str, tuple[float, float, float]]:
+    def parameters_of(self, effect: Effect, width: float) -> dict[str, tuple[float, float, float]]:
         """Value, lower and upper end of the interval of each parameter of an effect.
 
         Parameters
         ----------
         effect : Effect
         width : float
-            Half width of the intervals in standard deviations; the default is for 90 %.
+            Half width of the intervals in standard deviations, 1.645 for 90 %.
         """
         deviation = np.sqrt(np.diag(self.covariance))
         found = {}
@@ -369,17 +368,3 @@ def _search(problem: FitProblem) -> BoundedSearch:
     return BoundedSearch(
         lambda u: problem.residuals(problem.values(u)), lower, upper, prior=PRIOR, tol=_TOL, step=_STEP
     )
-
-
-__all__ = [
-    "PRIOR",
-    "Hypothesis",
-    "JointFit",
-    "Signature",
-    "SimulationError",
-    "described",
-    "fit_hypothesis",
-    "linearised",
-    "parameters_only",
-    "signature",
-]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,14 +53,13 @@ class Place:
         return f"{size}, moves with {name}, correlation {correlation:.2f}"
 
 
-def rank_places(base: Hypothesis, observations: Sequence[Observation]) -> tuple[list[Place], int]:
+def rank_places(base: Hypothesis) -> tuple[list[Place], int]:
     """Fit an unknown signal at each port together with all parameters.
 
     Parameters
     ----------
     base : Hypothesis
         Without effects.
-    observations : sequence of Observation
 
     Returns
     -------
@@ -76,7 +74,7 @@ def rank_places(base: Hypothesis, observations: Sequence[Observation]) -> tuple[
             continue
         simulator = base.simulator.extend(effect)
         names = [n for n in simulator.parameters.names if n != effect.local("on")]
-        problem = FitProblem(simulator, list(observations), names)
+        problem = FitProblem(simulator, list(base.observations), names)
         start = np.concatenate([base.u, np.zeros(KNOTS)])
         try:
             hypothesis = fit_hypothesis((effect,), problem, start)
@@ -92,7 +90,7 @@ def rank_places(base: Hypothesis, observations: Sequence[Observation]) -> tuple[
     weights = np.exp(weights - weights.max())
     weights /= weights.sum()
     places = [
-        _place(h, knots, float(w), observations[0]) for (h, knots), w in zip(found, weights, strict=True)
+        _place(h, knots, float(w), base.observations[0]) for (h, knots), w in zip(found, weights, strict=True)
     ]
     return sorted(places, key=lambda p: (-p.probability, p.chi2_per_sample)), count
 

@@ -171,6 +171,22 @@ class Simulator(ABC):
         changed.step = step / factor  # type: ignore[attr-defined]
         return changed
 
+    def with_step_of(self, other: Simulator) -> Simulator:
+        """Return this simulator with the step of another, see `refined`; itself where it has no step.
+
+        Two models are compared fairly only if both are integrated alike.
+
+        Parameters
+        ----------
+        other : Simulator
+        """
+        step = getattr(self, "step", None)
+        if step is None:
+            return self
+        changed = copy.copy(self)
+        changed.step = other.step  # type: ignore[attr-defined]
+        return changed
+
     def with_nominal(self, theta: ArrayLike) -> Simulator:
         """Return this simulator with other nominal values, for example calibrated ones.
 

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PchipInterpolator
-from scipy.ndimage import median_filter
 
 from errorscreen.effects import LIBRARY, Effect, measurement_effects
 from errorscreen.engine import Engine, ReferenceEngine
@@ -23,14 +22,11 @@ from errorscreen.resampling import check_steps
 from errorscreen.signals import correlation_time, scatter
 from errorscreen.simulators.assembly import INSIDE, assemble, measured, start_effects, switched_off
 from errorscreen.simulators.base import Responses, Simulator, Status
-from errorscreen.simulators.playback import input_noise, playback_observation
+from errorscreen.simulators.injection_noise import quantified
+from errorscreen.simulators.playback import playback_observation
 
 #: a response beyond this is not a machine's or a converter's, in pu
 _PLAUSIBLE = 1e3
-#: seconds over which the noise of an injected signal is taken together, and the most such blocks in a record
-_BLOCK, _MOST_BLOCKS = 0.08, 96
-#: errors from injected noise that are kept: at least so many standard deviations of the noise as a whole, so many
-_MATTERS, _MOST_MODES = 0.3, 48
 
 
 class PlantSimulator(Simulator):
@@ -262,80 +258,11 @@ class PlantSimulator(Simulator):
 
     def quantified(self, observation: Observation, theta: ArrayLike) -> Observation:
         """Uncertainty of a recording if `theta` are the true parameters; see `Simulator.quantified`."""
-        event, theta = observation.event, np.asarray(theta, dtype=float)
-        assert isinstance(event, Playback)
-        responses = self.simulate(theta, event)
-        if not responses.ok.all():  # whoever simulates will be told
-            return observation
-        response, part = responses.values[0], observation.time < event.start - 2.5 * event.dt
-        extra = np.zeros(observation.values.shape)
-        for other in (self._run(theta, event, "linear"), self._run(theta, event, step=0.5 * self.step)):
-            change = np.abs(other.values[0] - response)
-            usual = 3.0 * change[:, part].max(axis=1, initial=0.0)  # what noise alone makes of it
-            extra = np.hypot(extra, np.where(np.isfinite(change) & (change > usual[:, None]), change, 0.0))
-        inputs = input_noise(event)
-        passed = self._passed(theta, event, response, inputs)
-        quiet = np.median(passed[:, part], axis=1)[:, None] if part.any() else passed
-        extra = np.sqrt(extra**2 + np.maximum(passed - quiet, 0.0))
-        modes = self._modes(theta, event, response, inputs, np.asarray(observation.noise))
-        return replace(observation, extra=extra, modes=modes)
 
-    def _passed(
-        self,
-        theta: NDArray[np.float64],
-        event: Playback,
-        response: NDArray[np.float64],
-        inputs: Mapping[str, tuple[NDArray[np.float64], float]],
-    ) -> NDArray[np.float64]:
-        """Variance (R, L) of what the noise of the injected signals makes at once.
+        def run(event: Playback, **options: Any) -> NDArray[np.float64]:
+            return self._run(theta, event, **options).values[0]
 
-        A signal that is moved up and down from sample to sample leaves slow dynamics at rest, so that one simulation
-        shows at every sample how much of its noise passes through the device there.
-        """
-        alternating = np.where(np.arange(len(event.time)) % 2, -1.0, 1.0)
-        total = np.zeros(response.shape)
-        for name, (shape, sigma) in inputs.items():
-            size = sigma * shape[0]
-            signals = {**event.signals, name: event.signals[name] + size * alternating}
-            moved = self._run(theta, replace(event, signals=signals)).values[0]
-            total += np.where(np.isfinite(moved), moved - response, 0.0) ** 2
-        # where the model itself jumps, the change is no noise
-        return np.asarray(median_filter(total, size=(1, 5)))
-
-    def _modes(
-        self,
-        theta: NDArray[np.float64],
-        event: Playback,
-        response: NDArray[np.float64],
-        inputs: Mapping[str, tuple[NDArray[np.float64], float]],
-        noise: NDArray[np.float64],
-    ) -> NDArray[np.float64]:
-        """Slow errors (K, R, L) that the noise of the injected signals makes behind the dynamics of the model.
-
-        White noise over a block of samples acts on slow dynamics as their sum does, so each block is moved as a whole
-        by what its sum scatters, and what follows after the block is kept: what passes at once is white and part of
-        `noise`. Principal components that matter against the noise are returned.
-        """
-        length = len(event.time)
-        width = max(1, round(_BLOCK / event.dt), -(-length // _MOST_BLOCKS))
-        rows = []
-        for name, (shape, sigma) in inputs.items():
-            for first in range(0, length - 1, width):
-                block = np.zeros(length)
-                block[first : first + width] = 1.0
-                moved = np.convolve(block, shape)[:length] * sigma / np.sqrt(width)
-                signals = {**event.signals, name: event.signals[name] + moved}
-                change = self._run(theta, replace(event, signals=signals), step=2 * self.step).values[0]
-                change = np.where(np.isfinite(change), change - response, 0.0)
-                change[:, : first + width + 2] = 0.0
-                rows.append(change)
-        if not rows:
-            return np.zeros((0, *response.shape))
-        scaled = (np.array(rows) / noise[:, None]).reshape(len(rows), -1)
-        _, S, Vt = np.linalg.svd(scaled, full_matrices=False)
-        keep = min(int((S > _MATTERS).sum()), _MOST_MODES)
-        modes = (S[:keep, None] * Vt[:keep]).reshape(keep, *response.shape)
-        return np.asarray(modes * noise[:, None])
+        return quantified(observation, run, self.step)
 
     def _values(self, theta: NDArray[np.float64], event: Playback) -> dict[str, NDArray[np.float64]]:
         """All constants, parameters and the operating point by name, each of shape (n,)."""

@@ -50,7 +50,7 @@ def discover_causes(
         report=report,
     ).fit(observation)
     named = finder.verdict_.kind in ("effect", "measurement")
-    gain = finder.measure_gain(held_out) if named and held_out else None
+    gain = finder.confirm(held_out) if held_out else None
     if named and not held_out:
         finder.verdict_ = Verdict(
             finder.verdict_.kind,
@@ -128,6 +128,8 @@ def _cause(cause: Any, finder: CauseFinder) -> dict[str, Any]:
         "kind": cause.kind,
         "place": cause.place,
         "probability": cause.probability,
+        "explained": cause.explained,
+        "exact": cause.exact,
         "parameters": parameters,
         "equation": "; ".join(e.formula for e in effects),
         "explanation": " ".join(e.description for e in effects),

@@ -24,26 +24,28 @@ from errorscreen.plotting import (
     plot_waveform,
 )
 from errorscreen.report import ReportFigure, Result, write_report, write_result
-from errorscreen.report.result_schema import (
-    Calibration,
-    CalibrationMethod,
+from errorscreen.report.discovery_schema import (
     Cause,
-    ChannelData,
-    Diagnosis,
     Discovery,
     Gain,
     Group,
     HypothesisFit,
+    Place,
+    RemainingCell,
+    Separation,
+)
+from errorscreen.report.result_schema import (
+    Calibration,
+    CalibrationMethod,
+    ChannelData,
+    Diagnosis,
     MethodFit,
     ParameterResult,
-    Place,
     RecordingData,
     RecordingDiagnosis,
-    RemainingCell,
     Run,
     Screening,
     ScreeningMethod,
-    Separation,
     diagnose_recording,
     fit_of,
 )

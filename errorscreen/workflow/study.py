@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
-from pathlib import Path
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -16,19 +13,15 @@ import errorscreen
 from errorscreen.cases import Case
 from errorscreen.cases.case_models import CalibrationSection, DiscoverySection, RunSection, ScreeningSection
 from errorscreen.checkpoint import digest
-from errorscreen.discovery import ChannelFit, StageError, Verdict, channel_fits, stage_errors
-from errorscreen.events import Playback
-from errorscreen.exceptions import InputError, SimulationError
+from errorscreen.discovery import ChannelFit, StageError, Verdict
+from errorscreen.exceptions import InputError
 from errorscreen.generation import local_sensitivity
 from errorscreen.observations import Observation
 from errorscreen.recordings import Recording
 from errorscreen.resampling import check_steps
 from errorscreen.simulators import PlantSimulator
-from errorscreen.simulators.base import REMEDIES, Simulator, Status
-from errorscreen.workflow.calibrate import calibrate_map, calibrate_pso
-from errorscreen.workflow.discover import discover_causes
-from errorscreen.workflow.screen import Screened, screen
-from errorscreen.workflow.stages import StageStore
+from errorscreen.simulators.base import Simulator
+from errorscreen.workflow.screen import Screened
 
 
 @dataclass(frozen=True)
@@ -262,116 +255,6 @@ class Outcome:
         return (self.study.observation, *self.study.held_out)
 
 
-def run_study(
-    study: Study,
-    out: str | Path,
-    *,
-    progress: bool = False,
-    report: Callable[[str], None] = lambda line: None,
-) -> Outcome:
-    """Screen, calibrate and judge; finished stages are kept in ``out/stages`` and used again.
-
-    Parameters
-    ----------
-    study : Study
-    out : str or Path
-        Folder; made where it is missing.
-    progress : bool
-        Show progress bars.
-    report : callable
-        Takes lines of text while it runs.
-
-    Returns
-    -------
-    Outcome
-
-    Raises
-    ------
-    InputError
-        If the model cannot be simulated at its nominal parameters and the recorded pre-event values, or the folder
-        cannot be used.
-    MissingExtraError
-        If the network is asked for and torch is not installed.
-    """
-    start, started = perf_counter(), datetime.now(UTC).isoformat(timespec="seconds")
-    store = StageStore(Path(out) / "stages", study.fingerprint(), report)
-    simulator, observation = study.simulator, study.observation
-    before = tuple(_nominal(simulator, o) for o in (observation, *study.held_out))
-    screened = []
-    for method in study.screening.methods:
-        report(f"screening: {method}")
-        arrays, meta = store.get(
-            f"screening-{method}",
-            lambda method=method: screen(  # type: ignore[misc]
-                method, simulator, observation, study.screening, study.run, store.folder, progress
-            ),
-        )
-        screened.append(
-            Screened(
-                method,
-                arrays["contributions"],
-                tuple(meta["names"]),
-                meta["seconds"],
-                meta["n_simulations"],
-                meta["n_failed"],
-                meta["threads"],
-            )
-        )
-    report("calibration: map on all parameters")
-    settings = (study.calibration, study.run, progress)
-    arrays, meta = store.get(
-        "calibration-map", lambda: calibrate_map(simulator, observation, study.held_out, *settings)
-    )
-    verdict = Verdict(**meta["verdict"])
-    calibrated = []
-    for calibrator in study.calibration.methods:
-        if calibrator == "map":
-            calibrated.append(_calibrated("map", "all", arrays, meta, study))
-            continue
-        for one in screened:
-            report(f"calibration: pso on the selection of {one.method}: {', '.join(one.names)}")
-            found = store.get(
-                f"calibration-pso-{one.method}",
-                lambda one=one: calibrate_pso(simulator, observation, one.names, *settings),  # type: ignore[misc]
-            )
-            calibrated.append(_calibrated("pso", one.method, *found, study))
-    discovered = None
-    if study.discovery.enabled:
-        report("discovery: what parameters cannot explain")
-        discovered = _discovered(study, store, report)
-        cause = Verdict(**discovered.meta["verdict"])
-        # whether parameters suffice was judged on held-out recordings too
-        if cause.kind not in ("parameters", "within-noise") and verdict.kind != "within-noise":
-            verdict = cause
-    return Outcome(
-        study,
-        before,
-        _each(channel_fits, study, before),
-        _each(stage_errors, study, before),
-        screened,
-        calibrated,
-        discovered,
-        verdict,
-        perf_counter() - start,
-        started,
-        store.reused,
-    )
-
-
-def _discovered(study: Study, store: StageStore, report: Callable[[str], None]) -> Discovered:
-    """Search the causes, or take over what was found before."""
-    observations = (study.observation, *study.held_out)
-    arrays, meta = store.get(
-        "discovery",
-        lambda: discover_causes(
-            study.simulator, study.observation, study.held_out, study.discovery, study.run, report
-        ),
-    )
-    responses = tuple(arrays[f"response-{n}"] for n in range(len(observations)))
-    waveforms = tuple(arrays[f"waveform-{n}"] for n in range(len(meta["places"])))
-    return Discovered(meta["label"], responses, _each(channel_fits, study, responses), waveforms, meta)
-
-
 def _check_distinct(observations: list[Observation]) -> None:
     """Refuse a recording to judge on that was fitted, or that counts twice: the gain would be flattered."""
     seen: dict[str, str] = {}
@@ -385,50 +268,3 @@ def _check_distinct(observations: list[Observation]) -> None:
                 remedy="Judge on recordings that are not fitted, or leave this one out",
             )
         seen[key] = name
-
-
-def _nominal(simulator: Simulator, observation: Observation) -> NDArray[np.float64]:
-    """Response at the nominal parameters; if there is none, the recorded operating point is to be looked at first."""
-    event = observation.event
-    responses = simulator.simulate(simulator.parameters.nominal, event)
-    if responses.ok.all() or not isinstance(event, Playback):
-        return responses.require_ok("the simulation at the nominal parameters").values[0]
-    point = ", ".join(f"{name} = {value:.4g}" for name, value in event.initial.items())
-    raise InputError(
-        f"the nominal model cannot be simulated from what was recorded before the event, {point} pu: "
-        f"{REMEDIES[Status(responses.status[0])]}",
-        where=f"recording {event.name!r}",
-        allowed="V near 1 pu, P and Q within the limits of the device on its own base",
-        remedy="Correct units, bases and signs of the columns, or the parameters and constants of the device",
-    )
-
-
-def _each(
-    describe: Callable[..., Any], study: Study, responses: tuple[NDArray[np.float64], ...]
-) -> tuple[Any, ...]:
-    """What `describe` says about each recording and its response."""
-    return tuple(describe(o, y) for o, y in zip((study.observation, *study.held_out), responses, strict=True))
-
-
-def _calibrated(
-    method: str, selection: str, arrays: dict[str, Any], meta: dict[str, Any], study: Study
-) -> Calibrated:
-    """Simulate every recording with the values found."""
-    observations = (study.observation, *study.held_out)
-    responses = []
-    for observation in observations:
-        batch = study.simulator.simulate(arrays["theta"], observation.event)
-        if not batch.ok.all() and observation is study.observation:
-            raise SimulationError(f"the calibrated model cannot be simulated: {batch.failures()}")
-        responses.append(batch.values[0])
-    return Calibrated(
-        method,
-        selection,
-        tuple(meta["names"]),
-        arrays["theta"],
-        tuple(responses),
-        _each(channel_fits, study, tuple(responses)),
-        _each(stage_errors, study, tuple(responses)),
-        arrays,
-        meta,
-    )

@@ -77,6 +77,17 @@ def test_the_noise_floor_is_reached_where_one_start_gets_stuck(seed):
     assert fitted.starts_[0]["chi2_per_sample"] == pytest.approx(stuck.chi2_per_sample_, rel=1e-6)
 
 
+def test_a_given_start_is_followed_instead_of_the_nominal_one():
+    simulator = tone()
+    recording = simulator.record({"omega": 25.0}, 0.02, seed=0)
+    stuck = MAPCalibrator(simulator, prior_scale=2.0, n_starts=1).fit(recording)
+    near = simulator.parameters.embed([24.8], ["omega"])
+    fitted = MAPCalibrator(simulator, prior_scale=2.0, n_starts=1, starts=near).fit(recording)
+    assert stuck.chi2_per_sample_ > 100
+    assert fitted.chi2_per_sample_ < 1.5
+    assert len(fitted.starts_) == 1
+
+
 def test_further_starts_are_taken_only_where_noise_does_not_explain_the_rest():
     right = MAPCalibrator(SIMULATOR, random_state=0).fit(SIMULATOR.record(TRUTH, 0.01, seed=0))
     assert len(right.starts_) == 2

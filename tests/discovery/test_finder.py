@@ -133,3 +133,13 @@ def test_a_perfect_model_is_within_noise():
     finder = CauseFinder(true, random_state=0, n_starts=1).fit(recordings)
     assert finder.verdict_.kind == "within-noise"
     assert list(finder.signatures_) == []
+
+
+def test_without_effects_only_parameters_are_judged():
+    hidden = draw_plant_scenario(1, 40.0, kind="nothing", device="pv_plant")
+    finder = CauseFinder(hidden.simulator, max_effects=0, random_state=0).fit(list(hidden.recordings))
+    assert [h.name for h in finder.hypotheses_] == ["parameters"]
+    assert finder.verdict_.kind == "parameters"
+    assert finder.confirm(list(hidden.held_out)) is None
+    assert finder.verdict_.kind == "parameters"
+    assert "2 recordings that were not fitted" in finder.verdict_.text

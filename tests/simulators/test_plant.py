@@ -145,3 +145,4 @@ def test_a_refined_simulator_differs_only_by_its_step():
     assert (fine.step, base.step) == (0.001, 0.004)
     assert np.array_equal(fine.baseline(), plant("pv_plant", step=0.001).baseline())
     assert fine.parameters is base.parameters
+    assert base.with_step_of(fine).step == 0.001

@@ -1,0 +1,264 @@
+"""Hypotheses fitted in competition: which effects are tried, how far each fit goes, and what each of them leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from errorscreen.calibration.problem import FitProblem
+from errorscreen.discovery.hypotheses import Hypothesis, JointFit, Signature, linearised, signature
+from errorscreen.discovery.remainder import Remainder, remainder_test
+from errorscreen.effects.base import Effect
+from errorscreen.exceptions import SimulationError
+from errorscreen.observations import Observation
+from errorscreen.simulators.base import Simulator
+
+#: single effects to which a second one is added
+_BEAM = 2
+#: an effect that does not promise to lower the objective by this much is not fitted beside parameters that suffice
+_WORTH = 4.0
+#: effects with the best signatures, for each that is fitted to the end, whose joint fit begins
+_TRIED = 2
+#: starts that are followed and iterations at a time, starts that are kept after the first, times that those that got
+#: furthest go on
+_BEGUN, _FIRST, _KEPT, _SLICES = 3, 5, 2, 6
+#: a joint fit goes on while its distance from the best is less than so many times what it gained last
+_HOPE = 20.0
+#: a fit whose χ²/N is at most this is tried with a step so many times smaller
+_NEAR, _FINER = 50.0, 4
+#: simulations of all parameters together, from which further starts of a single effect are taken
+_MATCHES = 256
+
+_Array = NDArray[np.float64]
+
+
+class Competition:
+    """Fitted hypotheses about some recordings; a hypothesis is *adequate* if what it leaves passes for noise.
+
+    Parameters
+    ----------
+    base : Hypothesis
+        Without effects.
+    max_effects, n_fits, n_draws, significance
+        See `CauseFinder`.
+    seed : int
+    tell : callable
+        Takes lines of text.
+
+    Attributes
+    ----------
+    hypotheses : list of Hypothesis
+        One for each set of effects that was fitted.
+    remainders : dict of str to Remainder
+        What each leaves, by its name.
+    scores : dict of str to float
+        Logarithm of the evidence, (D1) with `Remainder.excess` in place of χ².
+    signatures : dict of str to float
+        Objective that each effect promised.
+    n_simulations : int
+    """
+
+    def __init__(
+        self,
+        base: Hypothesis,
+        *,
+        max_effects: int,
+        n_fits: int,
+        n_draws: int,
+        significance: float,
+        seed: int,
+        tell: Callable[[str], None],
+    ) -> None:
+        self.max_effects, self.n_fits, self.n_draws = max_effects, n_fits, n_draws
+        self.significance, self.seed, self.tell = significance, seed, tell
+        self.simulator = base.simulator
+        self.hypotheses: list[Hypothesis] = []
+        self.remainders: dict[str, Remainder] = {}
+        self.scores: dict[str, float] = {}
+        self.signatures: dict[str, float] = {}
+        self.n_simulations = 0
+        self._keep(base, self._test(base))
+        self._polish(base)
+
+    @property
+    def base(self) -> Hypothesis:
+        """The hypothesis without effects."""
+        return next(h for h in self.hypotheses if not h.effects)
+
+    @property
+    def adequate(self) -> list[Hypothesis]:
+        """Those that leave only noise, the most evident first."""
+        found = [h for h in self.hypotheses if self.is_adequate(h)]
+        return sorted(found, key=lambda h: -self.scores[h.name])
+
+    def is_adequate(self, hypothesis: Hypothesis) -> bool:
+        """Whether what a hypothesis leaves passes for noise."""
+        return self._passes(self.remainders[hypothesis.name])
+
+    def run(self, candidates: Sequence[Effect]) -> None:
+        """Try effects beside the parameters, and pairs of them as long as nothing is adequate."""
+        self._extend(self.base, candidates, 1)
+        self._eliminate()
+
+    def _passes(self, remainder: Remainder) -> bool:
+        return remainder.p_value > self.significance
+
+    def _test(self, hypothesis: Hypothesis) -> Remainder:
+        return remainder_test(
+            hypothesis.observations,
+            hypothesis.residuals,
+            hypothesis.jacobian[:, hypothesis.free],
+            random_state=self.seed,
+        )
+
+    def _keep(self, hypothesis: Hypothesis, remainder: Remainder, instead: Hypothesis | None = None) -> None:
+        """Add a hypothesis, or take it in place of another fit of the same one."""
+        self.hypotheses = [h for h in self.hypotheses if h is not instead]
+        self.hypotheses.append(hypothesis)
+        self.remainders[hypothesis.name] = remainder
+        # (D1) with the excess over noise in place of χ²
+        self.scores[hypothesis.name] = hypothesis.evidence + 0.5 * (hypothesis.chi2 - remainder.excess)
+        self.tell(
+            f"  {hypothesis.name}: χ²/N {hypothesis.chi2_per_sample:.3f}, noise alone p = {remainder.p_value:.3f}"
+        )
+
+    def _extend(self, base: Hypothesis, candidates: Sequence[Effect], depth: int) -> None:
+        """Add one effect to a hypothesis, and another to the best of these where none is adequate."""
+        tried = {effect.name for effect in base.effects}
+        others = [effect for effect in candidates if effect.name not in tried]
+        self.tell(f"signatures of {len(others)} effects beside {base.name}")
+        signatures = self._signatures(base, others)[: _TRIED * self.n_fits]
+        self.tell(f"joint fits of {len(signatures)} of them")
+        fitted = self._compete(base, signatures)
+        if fitted and not self.adequate:
+            best = min(range(len(fitted)), key=lambda i: fitted[i].objective)
+            fitted[best] = self._polish(fitted[best])
+        if depth < self.max_effects and not self.adequate:
+            fitted.sort(key=lambda h: -h.evidence)
+            for hypothesis in fitted[:_BEAM]:
+                self._extend(hypothesis, candidates, depth + 1)
+                if self.adequate:
+                    break
+
+    def _signatures(self, base: Hypothesis, effects: Sequence[Effect]) -> list[Signature]:
+        """Signatures at the fitted values and at the nominal ones, the most promising first."""
+        simulator, observations = base.simulator, base.observations
+        points = [(base.u, base.jacobian)]
+        if not base.effects:  # with an effect the nominal values of its parameters mean nothing
+            problem = FitProblem(simulator, list(observations))
+            zero = np.zeros(len(base.u))
+            points.append((zero, linearised(problem, zero)[1]))
+            self.n_simulations += problem.n_simulations
+        found = []
+        for number, effect in enumerate(effects):
+            seed = np.random.SeedSequence(self.seed, spawn_key=(number, len(base.effects)))
+            matches = 0 if base.effects else _MATCHES
+            one = signature(simulator, observations, effect, points, self.n_draws, seed, matches)
+            if one is not None:
+                found.append(one)
+                if not base.effects:
+                    self.signatures[effect.name] = one.objective
+        return sorted(found, key=lambda s: s.objective)
+
+    def _compete(self, base: Hypothesis, signatures: Sequence[Signature]) -> list[Hypothesis]:
+        """Fit effects for a few iterations each and those that get furthest to the end."""
+        threshold = base.objective - _WORTH if self.is_adequate(base) else np.inf
+        known = {frozenset(e.name for e in h.effects) for h in self.hypotheses}
+        fits = []
+        for found in signatures:
+            effects = (*base.effects, found.effect)
+            if found.objective > threshold or frozenset(e.name for e in effects) in known:
+                continue
+            try:
+                fits.append(
+                    JointFit(effects, found.problem, found.starts).keep(_BEGUN).run(_FIRST).keep(_KEPT)
+                )
+            except SimulationError:
+                self.n_simulations += found.problem.n_simulations
+        fits.sort(key=lambda fit: fit.objective)
+        self.n_simulations += sum(fit.problem.n_simulations for fit in fits[self.n_fits :])
+        fits = fits[: self.n_fits]
+        running = list(fits)
+        for _ in range(_SLICES):
+            running = [fit.run(_FIRST) for fit in running if fit.active]
+            # one that has come to rest far above the best will not catch up
+            best = min((fit.objective for fit in fits), default=0.0)
+            running = [fit for fit in running if fit.objective - best < _HOPE * max(fit.gained, 1.0)]
+        done = []
+        for fit in fits:
+            hypothesis = fit.hypothesis()
+            self.n_simulations += fit.problem.n_simulations
+            self._keep(hypothesis, self._test(hypothesis))
+            done.append(hypothesis)
+        return done
+
+    def _polish(self, hypothesis: Hypothesis) -> Hypothesis:
+        """Fit a hypothesis that comes near to noise further, with a smaller step and the noise that belongs to it.
+
+        What it leaves may be the error of the integration, or noise of the injected signals that passes through the
+        model with its effects otherwise than through the nominal one. If that makes it adequate, all others that come
+        near are treated in the same way, so that evidences stay comparable; if not, nothing changes.
+        """
+        if self.is_adequate(hypothesis) or hypothesis.chi2_per_sample > _NEAR:
+            return hypothesis
+        reference = self.simulator.refined(_FINER)
+        fine = hypothesis.simulator.with_step_of(reference)
+        observations = [fine.quantified(o, hypothesis.theta) for o in hypothesis.observations]
+        finer = self._refitted(hypothesis.effects, observations, reference, [hypothesis])
+        if finer is None:
+            return hypothesis
+        remainder = self._test(finer)
+        if not self._passes(remainder):
+            return hypothesis
+        self._keep(finer, remainder, hypothesis)
+        for other in list(self.hypotheses):
+            if other is not finer and other.chi2_per_sample < _NEAR:
+                better = self._refitted(other.effects, observations, reference, [other])
+                if better is not None:
+                    self._keep(better, self._test(better), other)
+        return finer
+
+    def _eliminate(self) -> None:
+        """Fit the best adequate hypothesis without each of its effects.
+
+        Forward selection may have started wrongly; and a fit without effects that was stuck in a local minimum looks
+        exactly like a missing effect, so it is tried again from where the effect has led.
+        """
+        if not self.adequate:
+            return
+        best = self.adequate[0]
+        for dropped in best.effects:
+            effects = tuple(e for e in best.effects if e is not dropped)
+            before = next((h for h in self.hypotheses if set(h.effects) == set(effects)), None)
+            starts = [h for h in (best, before) if h is not None]
+            fitted = self._refitted(effects, best.observations, best.simulator, starts)
+            if fitted is not None:
+                self._keep(fitted, self._test(fitted), before)
+
+    def _refitted(
+        self,
+        effects: Sequence[Effect],
+        observations: Sequence[Observation],
+        reference: Simulator,
+        starts: Sequence[Hypothesis],
+    ) -> Hypothesis | None:
+        """Fit of some effects from where others ended, with the step of a reference; None if that fails."""
+        simulator = self.simulator.with_step_of(reference)
+        for effect in effects:
+            simulator = simulator.extend(effect)
+        problem = FitProblem(simulator, list(observations))
+        try:
+            fit = JointFit(effects, problem, [_deviations(h, problem.names) for h in starts])
+            return fit.run(_FIRST * _SLICES).hypothesis()
+        except SimulationError:
+            return None
+        finally:
+            self.n_simulations += problem.n_simulations
+
+
+def _deviations(hypothesis: Hypothesis, names: Sequence[str]) -> _Array:
+    """Fitted deviations of some parameters in multiples of their scales; 0 for those it does not have."""
+    found = dict(zip(hypothesis.names, hypothesis.u, strict=True))
+    return np.array([found.get(name, 0.0) for name in names])

@@ -1,0 +1,127 @@
+"""Probabilities of what could explain the recordings, from the hypotheses that were fitted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from errorscreen.discovery.competition import Competition
+from errorscreen.discovery.hypotheses import Hypothesis
+
+#: prior probability that something is missing at all
+_MISSING = 0.5
+#: logarithm of the evidence by which an effect must beat parameters that leave nothing beyond noise: errors of size of
+#: the noise that no one has modelled would otherwise be named
+_MARGIN = 10.0
+#: an effect in another form than the library's leaves about this share of what parameters leave, or less
+_FORM = 0.01
+#: half width of intervals for 90 % in standard deviations
+_WIDTH = 1.645
+
+
+@dataclass(frozen=True)
+class Cause:
+    """One explanation of what the simulation gets wrong.
+
+    Parameters
+    ----------
+    name : str
+        Of the effect; several joined by `` + ``; ``"parameters"`` or ``"unknown"``.
+    title : str
+        For reports.
+    kind : {"parameters", "effect", "measurement", "unknown"}
+    probability : float
+    place : str
+        Port, or measured channel.
+    parameters : dict of str to (float, float, float)
+        Value and interval of each parameter of the effects.
+    explained : float
+        Share of what parameters leave beyond noise that it explains.
+    exact : bool
+        Whether it leaves only noise. If not, the effect is of this kind but has another form than the library's, and
+        its values are those that come nearest.
+    """
+
+    name: str
+    title: str
+    kind: str
+    probability: float
+    place: str
+    parameters: dict[str, tuple[float, float, float]]
+    explained: float
+    exact: bool
+
+
+def rank_causes(found: Competition) -> list[Cause]:
+    """Causes and "unknown", the most probable first; their probabilities sum to 1.
+
+    Hypotheses that leave only noise are compared by their evidence. Where there is none, the fewest effects that
+    explain nearly all of what parameters leave count as being of the right kind, in another form than the library's.
+
+    Parameters
+    ----------
+    found : Competition
+    """
+    causes = _exact(found) or _of_a_kind(found)
+    unknown = 1.0 - sum(c.probability for c in causes)
+    causes.append(Cause("unknown", "Unknown", "unknown", unknown, "", {}, 0.0, False))
+    return sorted(causes, key=lambda c: -c.probability)
+
+
+def _exact(found: Competition) -> list[Cause]:
+    """Hypotheses that leave only noise, compared by their evidence."""
+    adequate, base, scores = found.adequate, found.base, found.scores
+    if not adequate:
+        return []
+    if base not in adequate and scores[adequate[0].name] - scores[base.name] < _MARGIN:
+        adequate.append(base)  # a conspicuous cell, but nothing that an effect explains better
+    tried = max(1, len(found.signatures))
+    suffice = base in adequate
+    logs = []
+    for h in adequate:
+        prior = 1.0 - _MISSING if not h.effects else _MISSING / tried ** len(h.effects)
+        logs.append(scores[h.name] + np.log(prior) - (_MARGIN if suffice and h.effects else 0.0))
+    weights = np.exp(np.array(logs) - max(logs))
+    # what nobody has thought of, the more probable the less what is left looks like noise
+    p = max(found.remainders[adequate[int(np.argmax(logs))].name].p_value, found.significance)
+    weights /= weights.sum() * (1.0 + found.significance / p)
+    return [_cause(found, h, float(w)) for h, w in zip(adequate, weights, strict=True)]
+
+
+def _of_a_kind(found: Competition) -> list[Cause]:
+    """Fewest effects that explain nearly everything, though not in the form that the library gives them."""
+    for number in range(1, found.max_effects + 1):
+        members = [h for h in found.hypotheses if len(h.effects) == number]
+        left = np.array([1.0 - _explained(found, h) for h in members])
+        if len(members) and left.min() < _FORM:
+            # errors of form are no noise: how much better one is tells less than its evidence says
+            weights = np.maximum(left, np.finfo(float).tiny) ** -2.0
+            weights /= weights.sum() * (1.0 + left.min() / _FORM)
+            return [_cause(found, h, float(w), exact=False) for h, w in zip(members, weights, strict=True)]
+    return []
+
+
+def _explained(found: Competition, hypothesis: Hypothesis) -> float:
+    """Share of what parameters leave beyond noise that a hypothesis explains."""
+    whole = found.remainders[found.base.name].excess
+    left = found.remainders[hypothesis.name].excess
+    return float(np.clip(1.0 - left / whole, 0.0, 1.0)) if whole > 0 else 0.0
+
+
+def _cause(found: Competition, hypothesis: Hypothesis, probability: float, exact: bool = True) -> Cause:
+    effects = hypothesis.effects
+    kinds = {effect.kind for effect in effects}
+    kind = "parameters" if not effects else "measurement" if kinds == {"measurement"} else "effect"
+    # errors of form count as noise of their size
+    width = _WIDTH if exact else _WIDTH * float(np.sqrt(max(1.0, hypothesis.chi2_per_sample)))
+    return Cause(
+        hypothesis.name,
+        " and ".join(e.title for e in effects) or "Parameters of the model",
+        kind,
+        probability,
+        ", ".join(e.place for e in effects),
+        {e.local(n): v for e in effects for n, v in hypothesis.parameters_of(e, width).items()},
+        _explained(found, hypothesis),
+        exact,
+    )

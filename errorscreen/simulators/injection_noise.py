@@ -1,0 +1,104 @@
+"""How uncertain a recorded response is because of the signals that are injected: their noise, and what lies between."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from errorscreen.events import Playback
+from errorscreen.observations import Observation
+from errorscreen.simulators.playback import input_noise
+
+#: seconds over which the noise of an injected signal is taken together, and the most such blocks in a record
+_BLOCK, _MOST_BLOCKS = 0.08, 96
+#: errors from injected noise that are kept: at least so many standard deviations of the noise as a whole, so many
+_MATTERS, _MOST_MODES = 0.3, 48
+
+_Array = NDArray[np.float64]
+#: Response (R, L) to an event; takes ``interpolation`` and ``step`` by name.
+_Run = Callable[..., _Array]
+#: Shape in time of what one sample of noise does to a signal, and its standard deviation, for each signal.
+_Inputs = Mapping[str, tuple[_Array, float]]
+
+
+def quantified(observation: Observation, run: _Run, step: float) -> Observation:
+    """Return an observation with `Observation.extra` and `Observation.modes` as they follow from a model.
+
+    Parameters
+    ----------
+    observation : Observation
+        Its event is a `Playback`.
+    run : callable
+        ``run(event, interpolation=..., step=...)`` gives the response (R, L) of the model, NaN where it fails.
+    step : float
+        Longest step of the integration that `run` uses, in seconds.
+    """
+    event = observation.event
+    assert isinstance(event, Playback)
+    response = run(event)
+    if np.isnan(response).any():  # whoever simulates will be told
+        return observation
+    part = observation.time < event.start - 2.5 * event.dt
+    extra = np.zeros(observation.values.shape)
+    for other in (run(event, interpolation="linear"), run(event, step=0.5 * step)):
+        change = np.abs(other - response)
+        usual = 3.0 * change[:, part].max(axis=1, initial=0.0)  # what noise alone makes of it
+        extra = np.hypot(extra, np.where(np.isfinite(change) & (change > usual[:, None]), change, 0.0))
+    inputs = input_noise(event)
+    passed = _passed(run, event, response, inputs)
+    quiet = np.median(passed[:, part], axis=1)[:, None] if part.any() else passed
+    extra = np.sqrt(extra**2 + np.maximum(passed - quiet, 0.0))
+    modes = _modes(run, event, response, inputs, np.asarray(observation.noise), step)
+    return replace(observation, extra=extra, modes=modes)
+
+
+def _passed(run: _Run, event: Playback, response: _Array, inputs: _Inputs) -> _Array:
+    """Variance (R, L) of what the noise of the injected signals makes at once.
+
+    A signal that is moved up and down from sample to sample leaves slow dynamics at rest, so that one simulation shows
+    at every sample how much of its noise passes through the device there.
+    """
+    alternating = np.where(np.arange(len(event.time)) % 2, -1.0, 1.0)
+    total = np.zeros(response.shape)
+    for name, (shape, sigma) in inputs.items():
+        size = sigma * shape[0]
+        moved = run(replace(event, signals={**event.signals, name: event.signals[name] + size * alternating}))
+        total += np.where(np.isfinite(moved), moved - response, 0.0) ** 2
+    # where the model itself jumps, the change is no noise
+    return np.asarray(median_filter(total, size=(1, 5)))
+
+
+def _modes(
+    run: _Run, event: Playback, response: _Array, inputs: _Inputs, noise: _Array, step: float
+) -> _Array:
+    """Slow errors (K, R, L) that the noise of the injected signals makes behind the dynamics of the model.
+
+    White noise over a block of samples acts on slow dynamics as their sum does, so each block is moved as a whole by
+    what its sum scatters, and what follows after the block is kept: what passes at once is white and part of `noise`.
+    Principal components that matter against the noise are returned.
+    """
+    length = len(event.time)
+    width = max(1, round(_BLOCK / event.dt), -(-length // _MOST_BLOCKS))
+    rows = []
+    for name, (shape, sigma) in inputs.items():
+        for first in range(0, length - 1, width):
+            block = np.zeros(length)
+            block[first : first + width] = 1.0
+            moved = np.convolve(block, shape)[:length] * sigma / np.sqrt(width)
+            change = run(
+                replace(event, signals={**event.signals, name: event.signals[name] + moved}), step=2 * step
+            )
+            change = np.where(np.isfinite(change), change - response, 0.0)
+            change[:, : first + width + 2] = 0.0
+            rows.append(change)
+    if not rows:
+        return np.zeros((0, *response.shape))
+    scaled = (np.array(rows) / noise[:, None]).reshape(len(rows), -1)
+    _, S, Vt = np.linalg.svd(scaled, full_matrices=False)
+    keep = min(int((S > _MATTERS).sum()), _MOST_MODES)
+    modes = (S[:keep, None] * Vt[:keep]).reshape(keep, *response.shape)
+    return np.asarray(modes * noise[:, None])
