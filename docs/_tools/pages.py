@@ -8,11 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
+from errorscreen.bench.plant_scenarios import FIT, OPERATING_POINT, RATE, START, STOP, GridSide
 from errorscreen.bench.speed import dip_event
 from errorscreen.cases import case_reference, ieee39_events, load_ieee39
 from errorscreen.cli import main
 from errorscreen.effects import FAULT_DURATION, FAULT_IMPEDANCE, LIBRARY, branch_trip, measurement_effects
+from errorscreen.events import Playback
 from errorscreen.io.units import UNITS
+from errorscreen.plotting import plot_signature
 from errorscreen.power import DEVICES
 from errorscreen.sampling import latin_hypercube
 from errorscreen.simulators import PlantSimulator
@@ -45,7 +48,7 @@ def write_all(folder):
     texts = {f"{name}.md": device_page(device) for name, device in DEVICES.items()}
     texts |= {
         "steps.md": step_errors(),
-        "effects.md": effect_table(),
+        "effects.md": effect_table(folder),
         "case_keys.md": case_reference(),
         "commands.md": commands(),
         "units.md": unit_table(),
@@ -167,27 +170,37 @@ def case_step_errors():
     return table(("event", "channel", "range", *header), rows)
 
 
+#: events of the signatures: those that hidden scenarios are fitted to, and two that make limiters and protection act
+_SIDES = (*FIT, GridSide("low for two seconds", 0.6, 2.0), GridSide("high to the end", step=0.12))
 #: what effects that belong to no device act on
 _OF = {"measurement": "every simulator, for each of its channels", "event": "grids, for a fault"}
 
 
-def effect_table():
-    """Effects of the library with the devices they fit."""
+def effect_table(folder):
+    """Effects of the library with the devices they fit, and a figure of what each changes."""
     inside = [effect for library in LIBRARY.values() for effect in library if effect.kind != "latent"]
     outside = (*measurement_effects(["P"]), FAULT_DURATION, FAULT_IMPEDANCE, branch_trip((3, 4)))
     effects = {effect.name: effect for effect in (*inside, *outside)}
+    grid = load_ieee39()
+    time = np.arange(0, STOP, 1 / RATE)
+    events = [Playback(time, side.name, START, side.signals(time), OPERATING_POINT) for side in _SIDES]
     text = []
     for effect in effects.values():
-        devices = [
-            f"`{name}`" for name, library in LIBRARY.items() if effect.name in {e.name for e in library}
-        ]
+        devices = [name for name, library in LIBRARY.items() if effect.name in {e.name for e in library}]
         parameters = [parameter_cells(effect.local(p.name), p) for p in effect.parameters]
+        if effect.kind == "event":
+            figure = plot_signature(grid, effect.name)
+        else:
+            plant = PlantSimulator(next(iter(devices), "synchronous_machine"), events[0])
+            figure = plot_signature(plant, effect.name, events)
+        figure.savefig(folder / f"effect-{effect.name}.png", dpi=80)
         text += [
             f"### `{effect.name}`: {effect.title}\n",
             f"{effect.description} `{effect.formula}` Acts on `{effect.port}` of "
-            f"{', '.join(devices) or _OF[effect.kind]}. Easily confused with {'; '.join(effect.confused_with)}. "
-            f"Source: {effect.source}.\n",
+            f"{', '.join(f'`{d}`' for d in devices) or _OF[effect.kind]}. Easily confused with "
+            f"{'; '.join(effect.confused_with)}. Source: {effect.source}.\n",
             table(PARAMETER_HEADER, parameters),
+            f"![What {effect.name} changes](../_generated/effect-{effect.name}.png)\n",
         ]
     return "\n".join(text)
 

@@ -31,7 +31,7 @@ TRUTH_STEP = 2.5e-4
 #: samples a second, and length of a record in seconds
 RATE, START, STOP = 120, 1.0, 6.0
 _FINE = 10
-_OPERATING_POINT = {"V": 1.0, "P": 0.72, "Q": 0.12}
+OPERATING_POINT = {"V": 1.0, "P": 0.72, "Q": 0.12}
 
 _Array = NDArray[np.float64]
 
@@ -154,7 +154,7 @@ def _truth(device: str) -> PlantSimulator:
 
 def _fine_event(side: GridSide) -> Playback:
     time = np.arange(0, STOP, 1 / (RATE * _FINE))
-    return Playback(time, side.name, START, side.signals(time), _OPERATING_POINT)
+    return Playback(time, side.name, START, side.signals(time), OPERATING_POINT)
 
 
 def _record(

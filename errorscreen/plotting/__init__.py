@@ -7,6 +7,7 @@ from errorscreen.plotting.charts import (
     plot_responses,
     plot_waveform,
 )
+from errorscreen.plotting.signatures import plot_signature
 from errorscreen.plotting.system_diagram import plot_system
 
 __all__ = [
@@ -14,6 +15,7 @@ __all__ = [
     "plot_intervals",
     "plot_rankings",
     "plot_responses",
+    "plot_signature",
     "plot_system",
     "plot_waveform",
 ]

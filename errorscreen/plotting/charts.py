@@ -61,7 +61,7 @@ def plot_responses(
     rows = np.flatnonzero(observation.mask.any(axis=1))
     if not len(rows):
         raise InputError("no channel was measured", where="plot_responses", allowed="at least one value")
-    figure = _figure(9.5, 0.7 + 2.2 * len(rows))
+    figure = figure_of(9.5, 0.7 + 2.2 * len(rows))
     panels = figure.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0]
     for axes, r in zip(panels, rows, strict=True):
         axes.plot(observation.time, observation.values[r], color=MEASURED, lw=3.2, label="measured")
@@ -69,9 +69,9 @@ def plot_responses(
             values = _shaped(values, observation.values.shape, f"response {label!r}")
             style = {"color": COLOURS[k % len(COLOURS)], "lw": 1.2, "ls": "--" if k == 0 else "-"}
             axes.plot(observation.time, values[r], label=label, **style)
-        _mark_event(axes, observation.event.start)
-        axes.set_ylabel(_with_unit(observation.channels[r], observation.units[r]))
-        _tidy(axes)
+        mark_event(axes, observation.event.start)
+        axes.set_ylabel(with_unit(observation.channels[r], observation.units[r]))
+        tidy(axes)
     panels[-1].set_xlabel("time in s")
     panels[-1].set_xlim(*(window or (observation.time[0], observation.time[-1])))
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=4, frameon=False)
@@ -124,7 +124,7 @@ def plot_error_images(
     f, t = np.asarray(frequencies, dtype=float), np.asarray(times, dtype=float)
     shape = (len(channels), len(f), len(t))
     images = {label: _shaped(e, shape, f"energy {label!r}") for label, e in energies.items()}
-    figure = _figure(1.3 + 4.1 * len(images), 0.7 + 2.4 * len(channels))
+    figure = figure_of(1.3 + 4.1 * len(images), 0.7 + 2.4 * len(channels))
     grid = figure.subplots(len(channels), len(images), sharex=True, sharey=True, squeeze=False)
     for r, channel in enumerate(channels):
         largest = max(float(np.nanmax(image[r])) for image in images.values()) or 1.0
@@ -191,7 +191,7 @@ def plot_rankings(
                 where="plot_rankings",
                 allowed=", ".join(names),
             )
-    figure = _figure(1.6 + 2.6 * len(contributions), 1.0 + 0.26 * len(names))
+    figure = figure_of(1.6 + 2.6 * len(contributions), 1.0 + 0.26 * len(names))
     panels = figure.subplots(1, len(contributions), sharey=True, squeeze=False)[0]
     for k, (axes, (label, values)) in enumerate(zip(panels, contributions.items(), strict=True)):
         largest = max(abs(v) for v in values.values()) or 1.0
@@ -204,7 +204,7 @@ def plot_rankings(
         )
         axes.set_title(label, fontsize=10)
         axes.set_xlim(0, 1.02)
-        _tidy(axes)
+        tidy(axes)
     panels[0].set_yticks(range(len(names)), names)
     panels[0].invert_yaxis()
     figure.supxlabel("contribution relative to the largest", fontsize=10)
@@ -264,7 +264,7 @@ def plot_intervals(
         )
     )
     limit, span, value = limit / size[:, None], span / size[:, None], value / size
-    figure = _figure(7.5, 1.2 + 0.3 * k)
+    figure = figure_of(7.5, 1.2 + 0.3 * k)
     axes = figure.subplots()
     rows = np.arange(k)
     axes.barh(rows, limit[:, 1] - limit[:, 0], left=limit[:, 0], height=0.62, color="#eef1f4", label="bounds")
@@ -278,7 +278,7 @@ def plot_intervals(
     axes.set_yticks(rows, names)
     axes.invert_yaxis()
     axes.set_xlabel("deviation from nominal in %")
-    _tidy(axes)
+    tidy(axes)
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=4, frameon=False)
     return figure
 
@@ -306,18 +306,19 @@ def plot_waveform(
     >>> plot_waveform([0.0, 1.0], [0.0, 0.2], "Pm").axes[0].get_ylabel()
     'Pm in pu'
     """
-    figure = _figure(7.0, 2.6)
+    figure = figure_of(7.0, 2.6)
     axes = figure.subplots()
     axes.plot(np.asarray(time, dtype=float), np.asarray(signal, dtype=float), color="#0072b2")
     axes.set_xlabel("time (s)")
-    axes.set_ylabel(_with_unit(name, unit))
+    axes.set_ylabel(with_unit(name, unit))
     if event_time is not None:
-        _mark_event(axes, event_time)
-    _tidy(axes)
+        mark_event(axes, event_time)
+    tidy(axes)
     return figure
 
 
-def _figure(width: float, height: float) -> Figure:
+def figure_of(width: float, height: float) -> Figure:
+    """Empty figure of a size in inches, without pyplot."""
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), layout="constrained")
@@ -330,11 +331,13 @@ def _shaped(values: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.
     return array
 
 
-def _with_unit(name: str, unit: str) -> str:
+def with_unit(name: str, unit: str) -> str:
+    """Label of an axis."""
     return f"{name} in {unit}" if unit else name
 
 
-def _mark_event(axes: Axes, start: float) -> None:
+def mark_event(axes: Axes, start: float) -> None:
+    """Dotted line at the instant of an event."""
     axes.axvline(start, color="#999999", lw=1.0, ls=":")
 
 
@@ -345,7 +348,8 @@ def _shade_cone(axes: Axes, times: NDArray[Any], frequencies: NDArray[Any], cone
         axes.fill_betweenx(frequencies, end, inner, facecolor="white", alpha=0.35, edgecolor="none")
 
 
-def _tidy(axes: Axes) -> None:
+def tidy(axes: Axes) -> None:
+    """Pale grid, no frame."""
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(color=GRID, lw=0.6)
     axes.set_axisbelow(True)
