@@ -53,6 +53,7 @@ LIBRARY: dict[str, tuple[Effect, ...]] = {
         forced_oscillation("Ip_cmd"),
         latent_input("Ip_cmd", 1.0),
         latent_input("Iq_cmd", 1.0),
+        latent_input("Qref", 1.0),
     ),
 }
 

@@ -1,11 +1,12 @@
-r"""Volt-var droop with a dead band: reactive current against the deviation of voltage outside of ride-through.
+r"""Volt-var droop with a dead band: reactive power against the deviation of voltage outside of ride-through.
 
 .. math::
 
     T_d\,\dot V_d &= V - V_d,\quad e = \mathrm{db}(V_0 - V_d),\quad \mathrm{db}(x) = x - [x]_{-d}^{d}   & (V1)\\
-    \dot y &= [(K e - y)/T]_{-R}^{R},\quad I_q = I_q^* + y                                      & (V2)
+    \dot y &= [(K e - y)/T]_{-R}^{R},\quad Q_{ref} = Q_0 + y                                   & (V2)
 
-with the slow measurement or detection time :math:`T_d`, the droop K and the limit R of the rate of change.
+with the slow measurement or detection time :math:`T_d`, the droop K and the limit R of the rate of change. It acts on the
+reference of the reactive-power control, so that the current limit holds.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from errorscreen.engine.vmath import clip
 
 
 def volt_var(value: Any, V: Any, V0: Any, Vd: Any, y: Any, K: Any, db: Any, T: Any, Td: Any, R: Any) -> Any:
-    """Reactive-current command and derivatives of detection and droop, (V1), (V2)."""
+    """Reference of the reactive power and derivatives of detection and droop, (V1), (V2)."""
     deviation = V0 - Vd
     wanted = K * (deviation - clip(deviation, -db, db))
     return value + y, (V - Vd) / Td, clip((wanted - y) / T, -R, R)
@@ -33,10 +34,10 @@ def _start(values: Values, h: float) -> Values:
 VOLT_VAR = Effect(
     name="volt_var",
     title="Volt-var droop with dead band",
-    port="Iq_cmd",
+    port="Qref",
     equations=volt_var,
     parameters=(
-        strength("K", 4.0, 25.0, "pu", "volt-var control", "K", "reactive current per voltage; 0: none"),
+        strength("K", 4.0, 25.0, "pu", "volt-var control", "K", "reactive power per voltage; 0: none"),
         value("db", 0.01, 0.0, 0.08, "pu", "volt-var control", "d", "half width of the dead band of voltage"),
         value("T", 0.2, 0.02, 4.0, "s", "volt-var control", "T", "time constant"),
         value("Td", 0.05, 0.02, 2.0, "s", "volt-var control", "T_d", "time constant of the detection"),
@@ -45,7 +46,7 @@ VOLT_VAR = Effect(
     states=("Vd", "y"),
     derived=("V0",),
     initialise=_start,
-    formula="Iq = Iq* + y, T dy/dt = K db(V0 − V / (1 + s Td)) − y, |dy/dt| ≤ R",
+    formula="Qref = Q0 + y, T dy/dt = K db(V0 − V / (1 + s Td)) − y, |dy/dt| ≤ R",
     description="Outside of ride-through the plant supports the voltage with a droop, beyond a dead band. A model that "
     "keeps its reactive power constant misses the reactive power that follows every change of voltage.",
     source="IEEE Std 1547-2018, section 5.3.3",

@@ -17,7 +17,7 @@ angle of a loop (T2), and power follows from current and voltage.
     I_p^n &= K_{Pdc}(v_{dc} - 1) + x_{dc},\quad \dot x_{dc} = (1 - w) K_{Idc}(v_{dc} - 1)  & (PV6)\\
     I_q^n &= K_{PQ}(Q_{ref} - Q_f) + x_q,\quad \dot x_q = (1 - w) K_{IQ}(Q_{ref} - Q_f)    & (PV7)\\
     I_p^{LV} &= K_{1,Ip} V_f + K_{2,Ip} I_{p0} + I_{p,set}                                & (PV8)\\
-    I_q^{LV} &= K_{1,Iq}(V_{LV} - V_f) + K_{2,Iq} I_{q0} + K_{Q,LV} Q_{ref}/V_f           & (PV9)\\
+    I_q^{LV} &= K_{1,Iq}(V_{LV} - V_f) + K_{2,Iq} I_{q0} + K_{Q,LV} Q_0/V_f           & (PV9)\\
     I_q^{*} &= [(1-w) I_q^n + w I_q^{LV}]_{\pm I_{max}},\quad
     I_p^{*} = [(1-w) I_p^n + w I_p^{LV}]_0^{\sqrt{I_{max}^2 - I_q^{*2}}}                    & (PV10)\\
     \dot I_p &= \min\big((I_p^* - I_p)/T_g,\ R_{Ip}\big),\quad
@@ -63,6 +63,12 @@ def grid_source(Ip: Any, Iq: Any, theta: Any) -> Any:
     return Ip * c + Iq * s, Ip * s - Iq * c
 
 
+@stage("Qref")
+def reference(Q0: Any) -> Any:
+    """Reference of the reactive power: what was supplied before the event. A port, where other controls act."""
+    return (Q0,)
+
+
 @stage("d_Vf", "d_Qf", "w")
 def measurement(V: Any, Q: Any, Vf: Any, Qf: Any, Tm: Any, Tq: Any, V_LV: Any, dV_LV: Any) -> Any:
     """Measurement filters and weight of the ride-through mode, (PV2), (PV3)."""
@@ -93,12 +99,12 @@ def outer_loops(
 
 @stage("Ip_LV", "Iq_LV")
 def ride_through(
-    Vf: Any, Ip0: Any, Iq0: Any, Qref: Any, V_LV: Any, Ipset_LV: Any,
+    Vf: Any, Ip0: Any, Iq0: Any, Q0: Any, V_LV: Any, Ipset_LV: Any,
     K1_Ip_LV: Any, K2_Ip_LV: Any, K1_Iq_LV: Any, K2_Iq_LV: Any, KQ_LV: Any,
 ) -> Any:  # fmt: skip
     """Currents during low voltage, (PV8), (PV9)."""
     Ip_LV = K1_Ip_LV * Vf + K2_Ip_LV * Ip0 + Ipset_LV
-    Iq_LV = K1_Iq_LV * (V_LV - Vf) + K2_Iq_LV * Iq0 + KQ_LV * Qref / clip(Vf, _V_MIN, 10.0)
+    Iq_LV = K1_Iq_LV * (V_LV - Vf) + K2_Iq_LV * Iq0 + KQ_LV * Q0 / clip(Vf, _V_MIN, 10.0)
     return Ip_LV, Iq_LV
 
 
@@ -137,7 +143,7 @@ def initialise(v: Values) -> tuple[Values, Values, NDArray[np.bool_]]:
     states = {
         "Vf": v["V"] * one, "Qf": v["Q"] * one, "W": one, "xdc": Ip0, "xq": Iq0, "Ip": Ip0, "Iq": Iq0,
     }  # fmt: skip
-    setpoints = {"P0": v["P"] * one, "Qref": v["Q"] * one, "Ip0": Ip0, "Iq0": Iq0}
+    setpoints = {"P0": v["P"] * one, "Q0": v["Q"] * one, "Ip0": Ip0, "Iq0": Iq0}
     feasible = (Ip0 >= 0) & (Ip0**2 + Iq0**2 <= v["Imax"] ** 2) & (v["V"] >= v["V_LV"])
     return states, setpoints, feasible
 
@@ -174,9 +180,10 @@ PV_PLANT = Device(
         Constant("Ipset_LV", 0.0, "pu", "fixed part of the active current in ride-through"),
     ),
     states=("Vf", "Qf", "W", "xdc", "xq", "Ip", "Iq"),
-    setpoints=("P0", "Qref", "Ip0", "Iq0"),
+    setpoints=("P0", "Q0", "Ip0", "Iq0"),
     stages=(
         terminal,
+        reference,
         measurement,
         dc_link,
         outer_loops,
@@ -187,6 +194,7 @@ PV_PLANT = Device(
     ),
     initialise=initialise,
     ports={
+        "Qref": "reference of the reactive power in pu",
         "Ip_cmd": "active-current command in pu",
         "Iq_cmd": "reactive-current command in pu",
         "w": "weight of the ride-through mode, 0 to 1",
