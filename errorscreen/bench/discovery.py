@@ -176,6 +176,7 @@ def run_scenario(case: str, seed: int, number: int, noise_db: float, least_size:
             "parameters": next(h for h in finder.hypotheses_ if not h.effects).chi2_per_sample,
             "chosen": finder.best_.chi2_per_sample,
         },
+        "left": _left(finder),
         "closest": {
             "name": finder.hypotheses_[0].name,
             "chi2_per_sample": finder.hypotheses_[0].chi2_per_sample,
@@ -184,6 +185,16 @@ def run_scenario(case: str, seed: int, number: int, noise_db: float, least_size:
         "simulations": finder.n_simulations_,
         "seconds": seconds,
     }
+
+
+def _left(finder: CauseFinder) -> list[float | None]:
+    """Least share of what parameters leave beyond noise that one effect leaves, that two leave, and so on."""
+    whole = finder.remainders_["parameters"].excess
+    out: list[float | None] = []
+    for number in range(1, finder.max_effects + 1):
+        left = [finder.remainders_[h.name].excess for h in finder.hypotheses_ if len(h.effects) == number]
+        out.append(min(left) / whole if left and whole > 0 else None)
+    return out
 
 
 def _outcome(hidden: Scenario, verdict: str, names: Sequence[str], groups: Sequence[Sequence[str]]) -> str:

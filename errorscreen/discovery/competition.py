@@ -19,8 +19,9 @@ from errorscreen.simulators.base import Simulator
 _BEAM = 2
 #: an effect that does not promise to lower the objective by this much is not fitted beside parameters that suffice
 _WORTH = 4.0
-#: effects with the best signatures, for each that is fitted to the end, whose joint fit begins
-_TRIED = 2
+#: effects with the best signatures, for each that is fitted to the end, whose joint fit begins; beside another effect
+#: that explains most of it, signatures say more
+_TRIED, _TRIED_BESIDE = 2, 1
 #: starts that are followed and iterations at a time, starts that are kept after the first, times that those that got
 #: furthest go on
 _BEGUN, _FIRST, _KEPT, _SLICES = 3, 5, 2, 6
@@ -126,10 +127,10 @@ class Competition:
 
     def _extend(self, base: Hypothesis, candidates: Sequence[Effect], depth: int) -> None:
         """Add one effect to a hypothesis, and another to the best of these where none is adequate."""
-        tried = {effect.name for effect in base.effects}
-        others = [effect for effect in candidates if effect.name not in tried]
+        others = [effect for effect in candidates if effect not in base.effects]
         self.tell(f"signatures of {len(others)} effects beside {base.name}")
-        signatures = self._signatures(base, others)[: _TRIED * self.n_fits]
+        tried = _TRIED_BESIDE if base.effects else _TRIED
+        signatures = self._signatures(base, others)[: tried * self.n_fits]
         self.tell(f"joint fits of {len(signatures)} of them")
         fitted = self._compete(base, signatures)
         if fitted and not self.adequate:

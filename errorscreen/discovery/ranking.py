@@ -14,8 +14,9 @@ _MISSING = 0.5
 #: logarithm of the evidence by which an effect must beat parameters that leave nothing beyond noise: errors of size of
 #: the noise that no one has modelled would otherwise be named
 _MARGIN = 10.0
-#: an effect in another form than the library's leaves about this share of what parameters leave, or less
-_FORM = 0.01
+#: an effect in another form than the library's leaves at most about this share of what parameters leave (in amplitude
+#: 14 %)
+_FORM = 0.02
 #: half width of intervals for 90 % in standard deviations
 _WIDTH = 1.645
 

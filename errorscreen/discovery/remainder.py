@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import cho_factor, cho_solve
-from scipy.signal import lfilter
+from scipy.signal import detrend, lfilter
 from scipy.stats import false_discovery_control, norm
 
 from errorscreen.discovery.diagnosis import STAGES, stage_limits
@@ -34,6 +34,8 @@ from errorscreen.signals import correlation_time
 BANDS = (0.0, 0.4, 2.5, 8.0, np.inf)
 #: cells with fewer samples than this tell nothing
 _FEWEST = 3
+#: a quiet part with fewer samples tells nothing about noise
+_FEWEST_QUIET = 10
 #: noise differs from one operating point to another by more than its estimate from the quiet part is uncertain
 _LEVEL = 1.5
 
@@ -118,11 +120,13 @@ def noise_model(observations: Sequence[Observation], residuals: ArrayLike) -> tu
     rows, counts = [], []
     for observation, z in _split(observations, residuals):
         quiet = observation.time < observation.event.start - 1e-9
-        rows += [row[quiet] for row in z]
         counts.append(int(quiet.sum()))
-    tau = correlation_time(*(row for row in rows if len(row)))
+        # as for its level, noise is what scatters about a slow trend: an offset before the event is an error
+        if counts[-1] >= _FEWEST_QUIET:
+            rows += list(detrend(z[:, quiet], axis=1))
+    tau = correlation_time(*rows)
     # with hardly any quiet part the level is what the file says, not an estimate
-    return tau, [_LEVEL * float(np.sqrt(tau / (2 * n))) if n >= 10 else 0.0 for n in counts]
+    return tau, [_LEVEL * float(np.sqrt(tau / (2 * n))) if n >= _FEWEST_QUIET else 0.0 for n in counts]
 
 
 def remainder_test(

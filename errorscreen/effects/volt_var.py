@@ -5,8 +5,8 @@ r"""Volt-var droop with a dead band: reactive power against the deviation of vol
     T_d\,\dot V_d &= V - V_d,\quad e = \mathrm{db}(V_0 - V_d),\quad \mathrm{db}(x) = x - [x]_{-d}^{d}   & (V1)\\
     \dot y &= [(K e - y)/T]_{-R}^{R},\quad Q_{ref} = Q_0 + y                                   & (V2)
 
-with the slow measurement or detection time :math:`T_d`, the droop K and the limit R of the rate of change. It acts on the
-reference of the reactive-power control, so that the current limit holds.
+with the slow measurement or detection time :math:`T_d`, the droop K and the limit R of the rate of change. It acts on
+the reference of the reactive-power control, so that the current limit holds.
 """
 
 from __future__ import annotations

@@ -15,6 +15,7 @@ from __future__ import annotations
 import cmath
 from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from numbers import Complex, Real
 
 import numpy as np
@@ -242,15 +243,21 @@ class Network:
         ndarray of shape (n_buses, n_buses), complex
             Rows and columns in the order of `buses`; a bolted fault is not in it (`grounded`).
         """
+        Y = self._branches_and_shunts.copy()
+        if load_voltages is not None:
+            V = self.voltages(load_voltages, "load_voltages")
+            Y[np.diag_indices_from(Y)] += self.demand().conj() / np.abs(V) ** 2  # (N2)
+        return Y
+
+    @cached_property
+    def _branches_and_shunts(self) -> NDArray[np.complex128]:
+        """Part of the bus admittance matrix that no voltage changes."""
         Y = np.zeros((len(self.buses),) * 2, dtype=complex)
         for branch in self.branches:
             i, k = self._index[branch.from_bus], self._index[branch.to_bus]
             Y[[i, i, k, k], [i, k, i, k]] += branch.admittances
         for shunt in self.shunts:
             Y[self._index[shunt.bus], self._index[shunt.bus]] += complex(shunt.g, shunt.b)
-        if load_voltages is not None:
-            V = self.voltages(load_voltages, "load_voltages")
-            Y[np.diag_indices_from(Y)] += self.demand().conj() / np.abs(V) ** 2  # (N2)
         return Y
 
     def _check_connected(self) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -134,6 +135,7 @@ class PowerSystemSimulator(Simulator):
         self._inside = inside
         self._grid = GridModel((m.bus for m in self.machines), devices.values(), self.observed, inside)
         self._engine = engines[engine](self._grid.model(), n_threads)
+        self._flows: dict[float, LoadFlow] = {}
         self._reduced(self._flow(event), self.network)  # an unknown bus or branch shows here
 
     def __repr__(self) -> str:
@@ -295,11 +297,13 @@ class PowerSystemSimulator(Simulator):
             raise InputError("there is no channel", where=where, allowed="at least one bus or branch")
 
     def _flow(self, event: GridEvent) -> LoadFlow:
-        """Load flow before an event."""
-        network = self.network
-        if event.level != 1:
-            network = network.with_load_scaled(event.level).with_generation_scaled(event.level)
-        return solve_load_flow(network)
+        """Load flow before an event; kept for each level, because a search simulates the same few over and over."""
+        if event.level not in self._flows:
+            network = self.network
+            if event.level != 1:
+                network = network.with_load_scaled(event.level).with_generation_scaled(event.level)
+            self._flows[event.level] = solve_load_flow(network)
+        return self._flows[event.level]
 
     def _segments(
         self, event: GridEvent, flow: LoadFlow, h: float, steps: int, *, exact: bool
@@ -389,8 +393,11 @@ class PowerSystemSimulator(Simulator):
         begin = min(event.start, event.time[-1] - event.dt) - event.time[0]
         instants = {"t_event": begin * one, "t_stop": (event.time[-1] - event.time[0]) * one}
 
-        def of_device(effect: Effect) -> Values:
-            prefix = f"{effect.device}."
+        @cache
+        def of_device(name: str) -> Values:
+            prefix = f"{name}."
             return {k.removeprefix(prefix): v for k, v in values.items() if k.startswith(prefix)} | instants
 
-        return values | start_effects(self._inside, values, of_device, h), feasible
+        return values | start_effects(
+            self._inside, values, lambda effect: of_device(effect.device), h
+        ), feasible

@@ -87,3 +87,11 @@ def test_the_same_seed_gives_the_same_result():
     z = residuals(np.random.default_rng(5), observation)
     a, b = (remainder_test([observation], z, random_state=3) for _ in range(2))
     assert a == b
+
+
+def test_an_offset_is_no_noise_though_it_stands_before_the_event_too():
+    observation = seen()
+    z = np.random.default_rng(3).standard_normal((2, len(observation.time)))
+    assert remainder_test([observation], z.ravel()).p_value > 0.05
+    z[0] += 3.0
+    assert remainder_test([observation], z.ravel()).p_value < 0.002
