@@ -14,6 +14,7 @@ from errorscreen.discovery.finder import CauseFinder, Group
 from errorscreen.discovery.gain import EventGain, Gain, measure_gain
 from errorscreen.discovery.hypotheses import Hypothesis
 from errorscreen.discovery.latent import Place, rank_places
+from errorscreen.discovery.quick import Diagnosis, diagnose
 from errorscreen.discovery.ranking import Cause
 from errorscreen.discovery.remainder import Cell, Remainder, remainder_test
 
@@ -22,6 +23,7 @@ __all__ = [
     "CauseFinder",
     "Cell",
     "ChannelFit",
+    "Diagnosis",
     "EventGain",
     "Gain",
     "Group",
@@ -31,6 +33,7 @@ __all__ = [
     "StageError",
     "Verdict",
     "channel_fits",
+    "diagnose",
     "held_out_limit",
     "judge",
     "measure_gain",

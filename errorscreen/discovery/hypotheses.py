@@ -36,6 +36,8 @@ _ENDED = ("converged", "kink")
 _SPREADS, _ELITE = (0.1, 0.03, 0.01), 8
 #: draws of an effect with a single parameter; with d parameters so many times d squared, up to what is asked for
 _DRAWS_PER_SQUARE = 12
+#: a parameter whose bounds have at least this ratio is drawn in the logarithm
+_WIDE = 10.0
 
 _Array = NDArray[np.float64]
 
@@ -301,17 +303,17 @@ def signature(
     """
     problem = FitProblem(simulator.extend(effect), list(observations))
     k = len(simulator.parameters)
-    lower, upper = problem.scaled_bounds[:, k:]
-    unit = ParameterSpace(Parameter(f"p{i}", 0.5, 0.0, 1.0) for i in range(len(lower)))
+    d = len(problem.space) - k
+    unit = ParameterSpace(Parameter(f"p{i}", 0.5, 0.0, 1.0) for i in range(d))
     rng = generator(random_state)
-    n_draws = min(n_draws, _DRAWS_PER_SQUARE * len(lower) ** 2)  # one or two parameters need fewer
+    n_draws = min(n_draws, _DRAWS_PER_SQUARE * d**2)  # one or two parameters need fewer
     found: list[tuple[float, _Array]] = []
     for u, J in points:
         A = cho_factor(J.T @ J + np.eye(k) / PRIOR**2)
         shares = latin_hypercube(unit, n_draws, rng)
         best: list[tuple[float, _Array, _Array]] = []
         for spread in (*_SPREADS, None):
-            draws = lower + (upper - lower) * shares
+            draws = _spread(problem.space, k, shares)
             rows = np.hstack([np.tile(u, (len(draws), 1)), draws])
             z = problem.residuals(problem.values(rows))
             failed = np.isnan(z).any(axis=1)
@@ -330,7 +332,7 @@ def signature(
             shares = np.clip(parents + spread * rng.standard_normal(parents.shape), 0.0, 1.0)
         lowest, x, step = best[0]
         if np.isfinite(lowest):
-            own = lower + (upper - lower) * x
+            own = _spread(problem.space, k, x[None])[0]
             found.append((lowest, np.concatenate([u + step, own])))
             found.append((lowest, np.concatenate([u, own])))
     if not found:
@@ -339,6 +341,19 @@ def signature(
     starts = [start for _, start in found]
     starts += _matches(problem, np.array([start[k:] for start in starts]), n_matches, rng)
     return Signature(effect, found[0][0], np.array(starts), problem)
+
+
+def _spread(space: ParameterSpace, first: int, shares: _Array) -> _Array:
+    """Deviations of the parameters from number `first` on, at shares (n, d) of their ranges.
+
+    Ranges over more than a decade are divided evenly in the logarithm: time constants and rates are known by order of
+    magnitude.
+    """
+    lower, upper = space.bounds[first:].T
+    values = lower + (upper - lower) * shares
+    wide = (lower > 0) & (upper > _WIDE * lower)
+    values[:, wide] = lower[wide] * (upper[wide] / lower[wide]) ** shares[:, wide]
+    return np.asarray((values - space.nominal[first:]) / space.scales[first:])
 
 
 def _matches(problem: FitProblem, own: _Array, n: int, rng: np.random.Generator) -> list[_Array]:
