@@ -250,6 +250,10 @@ class DiscoverySection(Section):
     significance: Annotated[float, Field(gt=0, lt=1)] = Field(
         default=0.002, description="probability below which what is left counts as more than noise"
     )
+    first_look: Annotated[int, Field(ge=0)] = Field(
+        default=0,
+        description="samples of a network that ranks parameters and effects before the search, 0 for none",
+    )
 
 
 class RunSection(Section):

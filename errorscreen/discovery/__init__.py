@@ -11,6 +11,7 @@ from errorscreen.discovery.diagnosis import (
     stage_errors,
 )
 from errorscreen.discovery.finder import CauseFinder, Group
+from errorscreen.discovery.first_look import FirstLook, effect_dataset
 from errorscreen.discovery.gain import EventGain, Gain, measure_gain
 from errorscreen.discovery.hypotheses import Hypothesis
 from errorscreen.discovery.latent import Place, rank_places
@@ -25,6 +26,7 @@ __all__ = [
     "ChannelFit",
     "Diagnosis",
     "EventGain",
+    "FirstLook",
     "Gain",
     "Group",
     "Hypothesis",
@@ -34,6 +36,7 @@ __all__ = [
     "Verdict",
     "channel_fits",
     "diagnose",
+    "effect_dataset",
     "held_out_limit",
     "judge",
     "measure_gain",

@@ -22,7 +22,7 @@ from errorscreen.discovery.ranking import rank_causes
 from errorscreen.discovery.remainder import Remainder, remainder_test
 from errorscreen.effects.base import Effect
 from errorscreen.events import Event
-from errorscreen.exceptions import InputError, SimulationError, check_integer, check_real, unknown_name
+from errorscreen.exceptions import InputError, SimulationError, check_integer, check_real
 from errorscreen.observations import Observation
 from errorscreen.sampling import generator
 from errorscreen.simulators.base import Simulator
@@ -227,15 +227,7 @@ class CauseFinder(BaseEstimator):
                 f"simulator is a {type(self.simulator).__name__}",
                 allowed="an object of a subclass of Simulator",
             )
-        library = {e.name: e for e in self.simulator.effects if e.kind != "latent"}
-        if self.effects is None:
-            return list(library.values())
-        if isinstance(self.effects, str):
-            raise InputError(f"effects is the text {self.effects!r}", allowed="a list of names of effects")
-        for name in self.effects:
-            if name not in library:
-                raise unknown_name(name, library, kind="effect", where=repr(self.simulator))
-        return [library[name] for name in self.effects]
+        return self.simulator.effects_named(self.effects)
 
     def _tell(self, line: str) -> None:
         if self.report is not None:

@@ -313,7 +313,7 @@ def signature(
         shares = latin_hypercube(unit, n_draws, rng)
         best: list[tuple[float, _Array, _Array]] = []
         for spread in (*_SPREADS, None):
-            draws = _spread(problem.space, k, shares)
+            draws = spread_over(problem.space, k, shares)
             rows = np.hstack([np.tile(u, (len(draws), 1)), draws])
             z = problem.residuals(problem.values(rows))
             failed = np.isnan(z).any(axis=1)
@@ -332,7 +332,7 @@ def signature(
             shares = np.clip(parents + spread * rng.standard_normal(parents.shape), 0.0, 1.0)
         lowest, x, step = best[0]
         if np.isfinite(lowest):
-            own = _spread(problem.space, k, x[None])[0]
+            own = spread_over(problem.space, k, x[None])[0]
             found.append((lowest, np.concatenate([u + step, own])))
             found.append((lowest, np.concatenate([u, own])))
     if not found:
@@ -343,7 +343,7 @@ def signature(
     return Signature(effect, found[0][0], np.array(starts), problem)
 
 
-def _spread(space: ParameterSpace, first: int, shares: _Array) -> _Array:
+def spread_over(space: ParameterSpace, first: int, shares: _Array) -> _Array:
     """Deviations of the parameters from number `first` on, at shares (n, d) of their ranges.
 
     Ranges over more than a decade are divided evenly in the logarithm: time constants and rates are known by order of

@@ -57,8 +57,8 @@ class Cause:
 def rank_causes(found: Competition) -> list[Cause]:
     """Causes and "unknown", the most probable first; their probabilities sum to 1.
 
-    Hypotheses that leave only noise are compared by their evidence. Where there is none, the fewest effects that
-    explain nearly all of what parameters leave count as being of the right kind, in another form than the library's.
+    Hypotheses that leave only noise are compared by their evidence. Where there is none, a single effect that
+    explains nearly all of what parameters leave counts as being of the right kind, in another form than the library's.
 
     Parameters
     ----------
@@ -91,16 +91,18 @@ def _exact(found: Competition) -> list[Cause]:
 
 
 def _of_a_kind(found: Competition) -> list[Cause]:
-    """Fewest effects that explain nearly everything, though not in the form that the library gives them."""
-    for number in range(1, found.max_effects + 1):
-        members = [h for h in found.hypotheses if len(h.effects) == number]
-        left = np.array([1.0 - _explained(found, h) for h in members])
-        if len(members) and left.min() < _FORM:
-            # errors of form are no noise: how much better one is tells less than its evidence says
-            weights = np.maximum(left, np.finfo(float).tiny) ** -2.0
-            weights /= weights.sum() * (1.0 + left.min() / _FORM)
-            return [_cause(found, h, float(w), exact=False) for h, w in zip(members, weights, strict=True)]
-    return []
+    """Single effects, if one explains nearly everything, though not in the form that the library gives it.
+
+    Two effects together have so much freedom that they also make up for a form that is wrong.
+    """
+    members = [h for h in found.hypotheses if len(h.effects) == 1]
+    left = np.array([1.0 - _explained(found, h) for h in members])
+    if not members or left.min() >= _FORM:
+        return []
+    # errors of form are no noise: how much better one is tells less than its evidence says
+    weights = np.maximum(left, np.finfo(float).tiny) ** -2.0
+    weights /= weights.sum() * (1.0 + left.min() / _FORM)
+    return [_cause(found, h, float(w), exact=False) for h, w in zip(members, weights, strict=True)]
 
 
 def _explained(found: Competition, hypothesis: Hypothesis) -> float:

@@ -123,12 +123,23 @@ class HypothesisFit(Part):
     evidence: Number = Field(description="logarithm of its evidence over that of parameters alone")
 
 
+class Contribution(Part):
+    """What a network reads off the error before any search."""
+
+    name: str = Field(description="parameter or effect")
+    kind: Literal["parameter", "effect"]
+    value: Number = Field(description="contribution in the channels' unit times the root of a second")
+
+
 class Discovery(Part):
     """Search for what the model lacks."""
 
     hypotheses: list[HypothesisFit]
     cells: list[RemainingCell] = Field(description="what parameters alone leave beyond noise")
     places: list[Place] = []
+    first_look: list[Contribution] = Field(
+        default=[], description="the largest first; empty if not asked for"
+    )
     advice: list[str] = Field(default=[], description="what to measure next")
     n_simulations: int
     seconds: Number

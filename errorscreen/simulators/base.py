@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Any
@@ -144,6 +145,27 @@ class Simulator(ABC):
         extended.parameters = self.parameters.extend(replace(p, name=added.local(p.name)) for p in space)
         extended.extensions = (*self.extensions, added)
         return extended
+
+    def effects_named(self, names: Iterable[str] | None) -> list[Effect]:
+        """Effects of the library by name; all but unknown signals where no names are given.
+
+        Parameters
+        ----------
+        names : iterable of str or None
+
+        Raises
+        ------
+        InputError
+            If a name is not that of an effect.
+        """
+        if isinstance(names, str):
+            raise InputError(f"effects is the text {names!r}", allowed="a list of names of effects")
+        library = {e.name: e for e in self.effects if e.kind != "latent"}
+        chosen = list(library if names is None else names)
+        for name in chosen:
+            if name not in library:
+                raise unknown_name(name, library, kind="effect", where=repr(self))
+        return [library[name] for name in chosen]
 
     def quantified(self, observation: Observation, theta: ArrayLike) -> Observation:
         """Return an observation with the uncertainty that it has if `theta` are the true parameters.

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from errorscreen.cases.case_models import DiscoverySection, RunSection
-from errorscreen.discovery import CauseFinder, Gain, Verdict
+from errorscreen.discovery import CauseFinder, FirstLook, Gain, Verdict
 from errorscreen.discovery.hypotheses import Hypothesis
 from errorscreen.observations import Observation
+from errorscreen.regressors import import_network
 from errorscreen.simulators.base import Simulator
 
 #: cells of the remaining error that are told, at most
@@ -35,9 +36,11 @@ def discover_causes(
         ``response-<n>`` (R, L) of the extended model for the fitted recording and each held-out one, and
         ``waveform-<n>`` (2, L): time and unknown signal at each place that was ranked.
     meta : dict
-        ``verdict``, ``causes``, ``groups``, ``gain``, ``places``, ``cells``, ``hypotheses``, ``advice``, counts.
+        ``verdict``, ``causes``, ``groups``, ``gain``, ``places``, ``cells``, ``hypotheses``, ``first_look``,
+        ``advice``, counts.
     """
     started = perf_counter()
+    looked = _first_look(simulator, observation, section, run, report) if section.first_look else []
     finder = CauseFinder(
         simulator,
         section.effects,
@@ -95,11 +98,41 @@ def discover_causes(
             }
             for h in finder.hypotheses_
         ],
+        "first_look": looked,
         "advice": advice(finder, gain),
         "n_simulations": finder.n_simulations_,
         "seconds": perf_counter() - started,
     }
     return arrays, meta
+
+
+def _first_look(
+    simulator: Simulator,
+    observation: Observation,
+    section: DiscoverySection,
+    run: RunSection,
+    report: Callable[[str], None],
+) -> list[dict[str, Any]]:
+    """Contributions that a network reads off the error, the largest first."""
+    import_network()  # what is missing must be told before the simulations, not after them
+    report(f"first look: network trained on {section.first_look} samples")
+    look = FirstLook(
+        simulator,
+        section.effects,
+        n_samples=section.first_look,
+        random_state=run.random_state,
+        n_jobs=run.n_jobs,
+    ).fit(observation)
+    found = dict(zip(look.names_, look.contributions_, strict=True))
+    report("  " + ", ".join(look.ranking_[:3]))
+    return [
+        {
+            "name": name,
+            "kind": "effect" if name in look.effects_ else "parameter",
+            "value": float(found[name]),
+        }
+        for name in look.ranking_
+    ]
 
 
 def _cause(cause: Any, finder: CauseFinder) -> dict[str, Any]:

@@ -26,6 +26,7 @@ from errorscreen.plotting import (
 from errorscreen.report import ReportFigure, Result, write_report, write_result
 from errorscreen.report.discovery_schema import (
     Cause,
+    Contribution,
     Discovery,
     Gain,
     Group,
@@ -137,6 +138,7 @@ def _discovery(found: dict[str, Any]) -> Discovery:
         hypotheses=[HypothesisFit(**h) for h in found["hypotheses"]],
         cells=[RemainingCell(**cell) for cell in found["cells"]],
         places=[Place(**place) for place in found["places"]],
+        first_look=[Contribution(**c) for c in found["first_look"]],
         advice=found["advice"],
         n_simulations=found["n_simulations"],
         seconds=found["seconds"],

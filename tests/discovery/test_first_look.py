@@ -1,0 +1,69 @@
+"""Labels of effects, and a network's first look at parameters and effects together."""
+
+import numpy as np
+import pytest
+from sklearn.neighbors import KNeighborsRegressor
+from sklearn.pipeline import make_pipeline
+
+from errorscreen.bench.plant_scenarios import draw_plant_scenario
+from errorscreen.discovery import FirstLook, effect_dataset
+from errorscreen.exceptions import InputError
+from errorscreen.features import CWTTransformer
+from errorscreen.generation import contribution_labels
+from tests.plants import plant
+from tests.toys import oscillator
+
+MACHINE = plant("synchronous_machine")
+
+
+def test_labels_of_an_effect_are_what_its_strength_changes():
+    data = effect_dataset(MACHINE, 60, effects=["exciter", "lag_P"], random_state=0).valid()
+    m = len(MACHINE.parameters)
+    assert data.names == (*MACHINE.parameters.names, "exciter", "lag_P")
+    strengths, labels = data.theta[:, m:], data.contributions[:, m:]
+    assert np.array_equal(labels > 0, strengths != 0)
+    assert np.all((strengths != 0).sum(axis=1) <= 1)  # one at a time
+    assert 0.4 < (strengths != 0).any(axis=1).mean() < 0.95
+    # those without an effect are what the parameters alone make
+    alone = ~(strengths != 0).any(axis=1)
+    assert np.array_equal(data.responses[alone], MACHINE.simulate(data.theta[alone, :m]).values)
+    expected = contribution_labels(MACHINE, data.theta[:, :m])
+    np.testing.assert_allclose(data.contributions[:, :m], expected, rtol=1e-12)
+    # (D5), by hand
+    row = int(np.flatnonzero(strengths[:, 1])[0])
+    change = data.responses[row] - MACHINE.simulate(data.theta[row, :m]).values[0]
+    norm = np.sqrt((change**2).sum(axis=1) * MACHINE.event.dt).mean()
+    assert labels[row, 1] == pytest.approx(norm, rel=1e-9)
+
+
+def test_the_same_seed_gives_the_same_samples_for_any_number_of_workers():
+    one, two = (effect_dataset(MACHINE, 30, random_state=3, n_jobs=n) for n in (1, 2))
+    assert np.array_equal(one.contributions, two.contributions, equal_nan=True)
+
+
+def test_hidden_effects_are_looked_at_first():
+    hidden = draw_plant_scenario(
+        5, 40.0, kind="effect", device="synchronous_machine", least_size=25.0
+    )  # the nearest neighbours of this test see nothing small
+    quick = make_pipeline(
+        CWTTransformer(n_frequencies=16, n_columns=32, sampling_period=1 / 120, output="flat"),
+        KNeighborsRegressor(3, weights="distance"),
+    )
+    names = [*hidden.effects, "lag_P", "offset_Q"]
+    look = FirstLook(hidden.simulator, names, n_samples=300, estimator=quick, random_state=0)
+    look.fit(hidden.recordings[0])
+    assert look.effects_[0] == hidden.effects[0]
+    assert set(look.ranking_) == set(look.names_)
+    assert look.contributions(hidden.recordings[0]) == pytest.approx(look.contributions_)
+
+
+def test_what_cannot_be_looked_at_is_refused():
+    with pytest.raises(InputError, match="no effects to add"):
+        effect_dataset(oscillator(), 10)
+    with pytest.raises(InputError, match="unknown effect 'volt_var'"):
+        effect_dataset(MACHINE, 10, effects=["volt_var"])
+    with pytest.raises(InputError, match="share"):
+        effect_dataset(MACHINE, 10, share=1.5)
+    hidden = draw_plant_scenario(2, 40.0, kind="effect", device="synchronous_machine")
+    with pytest.raises(InputError, match="2 recordings"):
+        FirstLook(hidden.simulator).fit(list(hidden.recordings))
