@@ -182,7 +182,11 @@ def draw_scenario(
             without[len(theta) + sum(map(len, own[:k]))] = 0.0
             others = [truth.simulate(without, e).values[0][:, :: setup.every] for e in setup.events[:n]]
             change = [y - o for y, o in zip(responses, others, strict=False)]
-            sizes.append(surviving(simulator, theta, observations[:n], change))
+            beside, known = simulator, [theta]  # the parameters of the other effects can make up for it too
+            for j, effect in enumerate(effects):
+                if j != k:
+                    beside, known = beside.extend(effect.name), [*known, own[j]]
+            sizes.append(surviving(beside, np.concatenate(known), observations[:n], change))
         if effects and not min(sizes) >= least:
             continue
         place = (effects[0].device or device or effects[0].kind) if effects else device or ""

@@ -2,13 +2,12 @@ r"""Volt-var droop with a dead band: reactive power against the deviation of vol
 
 .. math::
 
-    T_d\,\dot V_d &= V - V_d,\quad e = \mathrm{db}(V_0 + c - V_d),\quad \mathrm{db}(x) = x - [x]_{-d}^{d}  & (V1)\\
-    \dot y &= [(K e - y)/T]_{-R}^{R},\quad Q_{ref} = Q_0 + y - y_0                              & (V2)
+    T_d\,\dot V_d &= V - V_d,\quad e = \mathrm{db}(V_0 - V_d),\quad \mathrm{db}(x) = x - [x]_{-d}^{d}   & (V1)\\
+    \dot y &= [(K e - y)/T]_{-R}^{R},\quad Q_{ref} = Q_0 + y                                   & (V2)
 
-with the slow measurement or detection time :math:`T_d`, the droop K, the limit R of the rate of change, and the centre
-of the dead band at c from the voltage :math:`V_0` before the event, where the droop already gives
-:math:`y_0 = K\,\mathrm{db}(c)`. It acts on the reference of the reactive-power control, so that the current limit
-holds.
+with the slow measurement or detection time :math:`T_d`, the droop K and the limit R of the rate of change. It acts on
+the reference of the reactive-power control, so that the current limit holds. The dead band lies around the voltage
+before the event: from steps in one direction another centre could not be told from another width.
 """
 
 from __future__ import annotations
@@ -21,21 +20,16 @@ from errorscreen.effects.base import Effect, Values, strength, value
 from errorscreen.engine.vmath import clip
 
 
-def volt_var(
-    value: Any, V: Any, Vc: Any, y0: Any, Vd: Any, y: Any, K: Any, db: Any, T: Any, Td: Any, R: Any
-) -> Any:
+def volt_var(value: Any, V: Any, V0: Any, Vd: Any, y: Any, K: Any, db: Any, T: Any, Td: Any, R: Any) -> Any:
     """Reference of the reactive power and derivatives of detection and droop, (V1), (V2)."""
-    deviation = Vc - Vd
+    deviation = V0 - Vd
     wanted = K * (deviation - clip(deviation, -db, db))
-    return value + (y - y0), (V - Vd) / Td, clip((wanted - y) / T, -R, R)
+    return value + y, (V - Vd) / Td, clip((wanted - y) / T, -R, R)
 
 
 def _start(values: Values, h: float) -> Values:
     level = values["V"] * np.ones_like(values["K"])
-    # as the equations compute it, so that the equilibrium is exact
-    deviation = (level + values["c"]) - level
-    y0 = values["K"] * (deviation - np.clip(deviation, -values["db"], values["db"]))
-    return {"Vc": level + values["c"], "y0": y0, "Vd": level, "y": y0}
+    return {"V0": level, "Vd": level}
 
 
 VOLT_VAR = Effect(
@@ -49,21 +43,11 @@ VOLT_VAR = Effect(
         value("T", 0.2, 0.02, 4.0, "s", "volt-var control", "T", "time constant"),
         value("Td", 0.05, 0.02, 2.0, "s", "volt-var control", "T_d", "time constant of the detection"),
         value("R", 2.0, 0.05, 5.0, "pu/s", "volt-var control", "R", "limit of the rate"),
-        value(
-            "c",
-            0.0,
-            -0.06,
-            0.06,
-            "pu",
-            "volt-var control",
-            "c",
-            "centre of the dead band less the voltage before",
-        ),
     ),
     states=("Vd", "y"),
-    derived=("Vc", "y0"),
+    derived=("V0",),
     initialise=_start,
-    formula="Qref = Q0 + y − y0, T dy/dt = K db(V0 + c − V / (1 + s Td)) − y, |dy/dt| ≤ R",
+    formula="Qref = Q0 + y, T dy/dt = K db(V0 − V / (1 + s Td)) − y, |dy/dt| ≤ R",
     description="Outside of ride-through the plant supports the voltage with a droop, beyond a dead band. A model that "
     "keeps its reactive power constant misses the reactive power that follows every change of voltage.",
     source="IEEE Std 1547-2018, section 5.3.3",
