@@ -1,0 +1,70 @@
+"""Ranking of hidden effects by the network's first look, beside the full search: renews its table in the docs.
+
+``python benchmarks/first_look.py [SCENARIOS [SAMPLES [SEED]]]``: so many scenarios with one effect or measurement fault
+for each device, all with the same event, so that one network reads them all.
+"""
+
+import sys
+import warnings
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+from errorscreen.bench.plant_scenarios import draw_plant_scenario
+from errorscreen.discovery import CauseFinder, FirstLook
+from errorscreen.exceptions import DataWarning
+from errorscreen.persistence import write_text_atomic
+from errorscreen.power import DEVICES
+
+TABLE = Path(__file__).resolve().parents[1] / "docs" / "tables" / "first_look.md"
+SCENARIOS, SAMPLES, SEED = 16, 4000, 41
+#: a hidden effect is large if so much of it survives a refit of the parameters, in multiples of the noise
+LARGE = 20.0
+
+
+def look_and_search(device, scenarios, samples, seed):
+    """Rank of each hidden effect in the first look, whether the search named it, sizes, and seconds of both."""
+    hidden = [
+        draw_plant_scenario([seed, i], 40.0, kind=("effect", "measurement")[i % 2], device=device)
+        for i in range(scenarios)
+    ]
+    started = perf_counter()
+    look = FirstLook(hidden[0].simulator, n_samples=samples, random_state=seed).fit(hidden[0].recordings[0])
+    training = perf_counter() - started
+    ranks, named, searching = [], [], 0.0
+    for one in hidden:
+        found = dict(zip(look.names_, look.contributions(one.recordings[0]), strict=True))
+        order = sorted(look.effects_, key=lambda name: -found[name])
+        ranks.append(order.index(one.effects[0]) + 1)
+        started = perf_counter()
+        finder = CauseFinder(one.simulator, random_state=seed).fit(one.recordings[0])
+        searching += perf_counter() - started
+        named.append(finder.causes_[0].name == one.effects[0])
+    sizes = np.array([one.size for one in hidden])
+    return np.array(ranks), np.array(named), sizes, training, searching / scenarios
+
+
+def main(scenarios, samples, seed):
+    """Table with one row for each device."""
+    header = ("device", "scenarios", "first look: first", "among three", "first, if large", "search: first")
+    header += ("training", "one search")
+    lines = [f"| {' | '.join(header)} |", "|---" * len(header) + "|"]
+    for device in DEVICES:
+        ranks, named, sizes, training, searching = look_and_search(device, scenarios, samples, seed)
+        large = sizes >= LARGE
+        shares = (ranks == 1).mean(), (ranks <= 3).mean(), (ranks[large] == 1).mean(), named.mean()
+        cells = [device, f"{scenarios} ({large.sum()} large)", *(f"{share:.2f}" for share in shares)]
+        cells += [f"{training:.0f} s", f"{searching:.0f} s"]
+        lines.append(f"| {' | '.join(cells)} |")
+        print(lines[-1], flush=True)
+    return "\n".join(lines) + (
+        f"\n\nOne event is seen, by both. {samples} training samples, 40 dB, seed {seed}; large: at least {LARGE:g} "
+        "times the noise survives a refit of the parameters.\n"
+    )
+
+
+if __name__ == "__main__":
+    warnings.simplefilter("ignore", DataWarning)
+    given = [int(n) for n in sys.argv[1:]]
+    write_text_atomic(TABLE, main(*(given + [SCENARIOS, SAMPLES, SEED][len(given) :])))

@@ -1,0 +1,99 @@
+"""What is named, and how probable it is, from what hypotheses leave."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from errorscreen.discovery.ranking import rank_causes
+from errorscreen.effects import EXCITER, GOVERNOR, measurement_effects
+
+SCALE_P = next(e for e in measurement_effects(["P"]) if e.name == "scale_P")
+
+
+def hypothesis(*effects):
+    return SimpleNamespace(
+        name=" + ".join(e.name for e in effects) or "parameters",
+        effects=effects,
+        chi2_per_sample=2.0,
+        parameters_of=lambda effect, width: {effect.strength.name: (1.0, 1.0 - width, 1.0 + width)},
+    )
+
+
+def competition(*entries, significance=0.002):
+    """A competition of (effects, excess, p-value, score), the first without effects."""
+    found = [hypothesis(*effects) for effects, *_ in entries]
+    adequate = [h for h, entry in zip(found, entries, strict=True) if entry[2] > significance]
+    scores = {h.name: entry[3] for h, entry in zip(found, entries, strict=True)}
+    return SimpleNamespace(
+        hypotheses=found,
+        base=found[0],
+        remainders={
+            h.name: SimpleNamespace(excess=entry[1], p_value=entry[2])
+            for h, entry in zip(found, entries, strict=True)
+        },
+        scores=scores,
+        signatures=dict.fromkeys(["exciter", "governor", "scale_P"], 0.0),
+        significance=significance,
+        max_effects=2,
+        adequate=sorted(adequate, key=lambda h: -scores[h.name]),
+    )
+
+
+def test_what_leaves_only_noise_is_named_and_exact():
+    causes = rank_causes(
+        competition(
+            ((), 1000.0, 0.001, -500.0),
+            ((EXCITER,), 10.0, 0.4, -20.0),
+            ((GOVERNOR,), 5.0, 0.001, -400.0),  # leaves less, but not noise
+        )
+    )
+    assert [c.name for c in causes] == ["exciter", "unknown"]
+    assert causes[0].exact
+    assert causes[0].explained == pytest.approx(0.99)
+    assert causes[0].probability > 0.99
+    assert sum(c.probability for c in causes) == pytest.approx(1)
+
+
+def test_parameters_that_suffice_are_beaten_only_by_a_margin():
+    small, large = (
+        rank_causes(competition(((), 30.0, 0.01, -30.0 - gain), ((SCALE_P,), 10.0, 0.4, -20.0)))
+        for gain in (0.0, 40.0)
+    )
+    assert small[0].name == "parameters"
+    assert large[0].name == "scale_P"
+    assert large[0].kind == "measurement"
+
+
+def test_an_effect_of_another_form_is_named_by_its_kind():
+    causes = rank_causes(
+        competition(
+            ((), 1000.0, 0.001, -500.0),
+            ((EXCITER,), 5.0, 0.001, -20.0),
+            ((GOVERNOR,), 15.0, 0.001, -30.0),
+        )
+    )
+    assert causes[0].name == "exciter"
+    assert not causes[0].exact
+    assert 0.5 < causes[0].probability < 0.9
+    assert causes[1].name in ("governor", "unknown")
+    assert sum(c.probability for c in causes) == pytest.approx(1)
+    # what it leaves widens its intervals
+    value, low, high = causes[0].parameters["exciter.K"]
+    assert high - low == pytest.approx(2 * 1.645 * 2.0**0.5, rel=1e-3)
+
+
+@pytest.mark.parametrize("left", [30.0, 400.0])
+def test_what_leaves_too_much_is_unknown(left):
+    (only,) = rank_causes(competition(((), 1000.0, 0.001, -500.0), ((EXCITER,), left, 0.001, -20.0)))
+    assert (only.name, only.probability) == ("unknown", 1.0)
+
+
+def test_two_effects_that_make_up_for_a_wrong_form_are_not_named():
+    (only,) = rank_causes(
+        competition(
+            ((), 1000.0, 0.001, -500.0),
+            ((EXCITER,), 50.0, 0.001, -60.0),
+            ((EXCITER, GOVERNOR), 1.0, 0.001, -20.0),
+        )
+    )
+    assert only.name == "unknown"
