@@ -291,7 +291,7 @@ def signature(
     points : sequence of (ndarray of shape (k,), ndarray of shape (N, k))
         Deviations u of the parameters of `simulator`, and the sensitivities there.
     n_draws : int
-        In each round.
+        In each round; in the first as many for each of `Effect.minima`.
     n_matches : int
         Simulations with all other parameters drawn as well, the best of which are starts of their own.
     random_state : None, int, SeedSequence, Generator or RandomState
@@ -310,7 +310,7 @@ def signature(
     found: list[tuple[float, _Array]] = []
     for u, J in points:
         A = cho_factor(J.T @ J + np.eye(k) / PRIOR**2)
-        shares = latin_hypercube(unit, n_draws, rng)
+        shares = latin_hypercube(unit, n_draws * effect.minima, rng)
         best: list[tuple[float, _Array, _Array]] = []
         for spread in (*_SPREADS, None):
             draws = spread_over(problem.space, k, shares)

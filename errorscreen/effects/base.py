@@ -106,6 +106,9 @@ class Effect:
         Where the equations come from.
     confused_with : tuple of str
         What produces a similar error.
+    minima : int
+        About how many local minima a fit of its parameters has; a search draws that many times more values. Frequency
+        and phase of an oscillation have many, and so have timers.
     """
 
     name: str
@@ -123,6 +126,7 @@ class Effect:
     formula: str = ""
     source: str = ""
     confused_with: tuple[str, ...] = ()
+    minima: int = 1
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:

@@ -52,4 +52,5 @@ def forced_oscillation(port: str) -> Effect:
         "recording swings before the event already or does not settle after it, at a frequency that no mode has.",
         source="NERC, Forced Oscillation Monitoring & Mitigation, 2017",
         confused_with=("a badly damped mode", "a governor"),
+        minima=8,
     )

@@ -59,6 +59,7 @@ def _cessation(name: str, title: str, ranges: dict[str, tuple[float, float, floa
             "priority for reactive current",
             "a current limit",
         ),
+        minima=4,
     )
 
 

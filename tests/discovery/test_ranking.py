@@ -78,7 +78,7 @@ def test_an_effect_of_another_form_is_named_by_its_kind():
     assert causes[1].name in ("governor", "unknown")
     assert sum(c.probability for c in causes) == pytest.approx(1)
     # what it leaves widens its intervals
-    value, low, high = causes[0].parameters["exciter.K"]
+    _, low, high = causes[0].parameters["exciter.K"]
     assert high - low == pytest.approx(2 * 1.645 * 2.0**0.5, rel=1e-3)
 
 
