@@ -1,0 +1,45 @@
+"""Causes in measured recordings: what is known about them has to be found."""
+
+from pathlib import Path
+
+import pytest
+
+from errorscreen.cases import load_case
+from errorscreen.discovery import CauseFinder
+from errorscreen.workflow import Study
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def study_of(name):
+    case = load_case(EXAMPLES / f"{name}.toml")
+    for section in (case.recording, *case.held_out):
+        if not (case.folder / section.path).exists():
+            pytest.skip(f"the recording {section.path} is not on this machine")
+    return Study.from_case(case)
+
+
+@pytest.mark.slow
+def test_the_droop_of_an_inverter_in_volt_var_mode_is_named_and_predicts_the_other_direction():
+    study = study_of("volt_var")
+    finder = CauseFinder(study.simulator, random_state=study.run.random_state).fit(study.observation)
+    assert finder.causes_[0].name == "volt_var"
+    assert not finder.causes_[0].exact
+    # about 800 var/s of 3 kVA
+    assert 0.2 < finder.causes_[0].parameters["volt_var.R"][0] < 0.33
+    gain = finder.confirm(list(study.held_out))
+    assert gain.holds
+    assert gain.gain > 0.5
+    assert finder.verdict_.kind == "effect"
+
+
+@pytest.mark.slow
+def test_the_trip_of_an_inverter_and_its_return_are_named():
+    study = study_of("ride_through")
+    names = ["trip", "cessation", "priority", "volt_var", "lag_active"]
+    finder = CauseFinder(study.simulator, names, max_effects=1, random_state=0).fit(study.observation)
+    assert finder.causes_[0].name == "trip"
+    found = {name: value for name, (value, _, _) in finder.causes_[0].parameters.items()}
+    # it stays away for 120 s; the threshold lies between the voltages that were tried
+    assert found["trip.Tc"] == pytest.approx(120, abs=6)
+    assert 313 < found["trip.Vth"] * 350.57 < 326.2
