@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.discovery.hypotheses import Hypothesis, JointFit, Signature, linearised, signature
+from errorscreen.discovery.hypotheses import Hypothesis, JointFit, Signature, escapes, linearised, signature
 from errorscreen.discovery.remainder import Remainder, remainder_test
 from errorscreen.effects.base import Effect
 from errorscreen.exceptions import SimulationError
@@ -25,6 +25,8 @@ _TRIED, _TRIED_BESIDE = 2, 1
 #: starts that are followed and iterations at a time, starts that are kept after the first, times that those that got
 #: furthest go on
 _BEGUN, _FIRST, _KEPT, _SLICES = 3, 5, 2, 6
+#: times that a fit is led out of a local minimum
+_ESCAPES = 3
 #: a joint fit goes on while its distance from the best is less than so many times what it gained last
 _HOPE = 20.0
 #: a fit whose χ²/N is at most this is tried with a step so many times smaller
@@ -132,7 +134,8 @@ class Competition:
         tried = _TRIED_BESIDE if base.effects else _TRIED
         signatures = self._signatures(base, others)[: tried * self.n_fits]
         self.tell(f"joint fits of {len(signatures)} of them")
-        fitted = self._compete(base, signatures)
+        fitted = sorted(self._compete(base, signatures), key=lambda h: h.objective)
+        fitted[:_BEAM] = [self._escape(hypothesis) for hypothesis in fitted[:_BEAM]]
         if fitted and not self.adequate:
             best = min(range(len(fitted)), key=lambda i: fitted[i].objective)
             fitted[best] = self._polish(fitted[best])
@@ -194,6 +197,24 @@ class Competition:
             self._keep(hypothesis, self._test(hypothesis))
             done.append(hypothesis)
         return done
+
+    def _escape(self, hypothesis: Hypothesis) -> Hypothesis:
+        """Follow ways out of a local minimum, as long as they lead lower."""
+        problem = FitProblem(hypothesis.simulator, list(hypothesis.observations), hypothesis.names)
+        for _ in range(_ESCAPES):
+            starts = [] if self.is_adequate(hypothesis) else escapes(hypothesis, problem)[:_KEPT]
+            if not starts:
+                break
+            try:
+                better = JointFit(hypothesis.effects, problem, starts).run(_FIRST * _SLICES).hypothesis()
+            except SimulationError:
+                break
+            if better.objective > hypothesis.objective - _WORTH:
+                break
+            self._keep(better, self._test(better), hypothesis)
+            hypothesis = better
+        self.n_simulations += problem.n_simulations
+        return hypothesis
 
     def _polish(self, hypothesis: Hypothesis) -> Hypothesis:
         """Fit a hypothesis that comes near to noise further, with a smaller step and the noise that belongs to it.

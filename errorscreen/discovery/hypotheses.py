@@ -38,6 +38,8 @@ _SPREADS, _ELITE = (0.1, 0.03, 0.01), 8
 _DRAWS_PER_SQUARE = 12
 #: a parameter whose bounds have at least this ratio is drawn in the logarithm
 _WIDE = 10.0
+#: values of one parameter that are tried in a search for a way out of a local minimum
+_LINE = 48
 
 _Array = NDArray[np.float64]
 
@@ -341,6 +343,50 @@ def signature(
     starts = [start for _, start in found]
     starts += _matches(problem, np.array([start[k:] for start in starts]), n_matches, rng)
     return Signature(effect, found[0][0], np.array(starts), problem)
+
+
+def escapes(hypothesis: Hypothesis, problem: FitProblem) -> list[_Array]:
+    """Points from which a fit may reach a lower minimum, the most promising first.
+
+    One parameter of an effect at a time is moved through its range, and the others follow by the linear model, as in
+    (D2). What counts are timers, instants and frequencies: of these a fit finds the nearest minimum only.
+
+    Parameters
+    ----------
+    hypothesis : Hypothesis
+        Fitted.
+    problem : FitProblem
+        It was fitted to.
+
+    Returns
+    -------
+    list of ndarray of shape (k,)
+        Only those that promise less than the hypothesis has reached.
+    """
+    space, u = problem.space, hypothesis.u
+    own = {effect.local(p.name) for effect in hypothesis.effects for p in effect.parameters}
+    found: list[tuple[float, _Array]] = []
+    for j in (j for j, name in enumerate(problem.names) if name in own):
+        lines = spread_over(
+            space, 0, np.repeat((np.arange(_LINE) + 0.5)[:, None] / _LINE, len(space), axis=1)
+        )
+        rows = np.tile(u, (_LINE, 1))
+        rows[:, j] = lines[:, j]
+        z = problem.residuals(problem.values(rows))
+        failed = np.isnan(z).any(axis=1)
+        z[failed] = 0.0
+        others = hypothesis.free & (np.arange(len(u)) != j)
+        J = hypothesis.jacobian[:, others]
+        g = z @ J + u[others] / PRIOR**2
+        steps = -cho_solve(cho_factor(J.T @ J + np.eye(J.shape[1]) / PRIOR**2), g.T).T
+        objective = (z**2).sum(axis=1) + ((rows / PRIOR) ** 2).sum(axis=1) + (g * steps).sum(axis=1)
+        objective[failed] = np.inf
+        best = int(np.argmin(objective))
+        if objective[best] < hypothesis.objective:
+            start = rows[best].copy()
+            start[others] += steps[best]
+            found.append((float(objective[best]), start))
+    return [start for _, start in sorted(found, key=lambda item: item[0])]
 
 
 def spread_over(space: ParameterSpace, first: int, shares: _Array) -> _Array:
