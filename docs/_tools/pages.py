@@ -30,7 +30,7 @@ MEASURED = {
     "speed": "errorscreen bench speed",
     "paper": "errorscreen bench paper --draws 100 --noise-db 40",
     "grid_search": "python benchmarks/grid_search.py",
-    "discovery": "errorscreen bench discovery --case plant --scenarios 80 --seed 35",
+    "discovery": "errorscreen bench discovery --case plant --scenarios 60 --seed 37",
     "first_look": "python benchmarks/first_look.py",
     "learning_curve": "python benchmarks/learning_curve.py",
 }
