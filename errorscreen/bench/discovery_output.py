@@ -45,7 +45,7 @@ def tables(result: dict[str, Any]) -> str:
     lines = [
         f"Case {result['case']}, {len(result['scenarios'])} hidden scenarios, seed {result['seed']}, noise "
         f"{result['noise_db']:g} dB, effects at least {result['least_size']:g} times the noise. In brackets: 95 % "
-        "bootstrap interval.",
+        "exact binomial interval.",
         "",
         "| | rate | scenarios |",
         "|---|---|---|",
