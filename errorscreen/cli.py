@@ -129,7 +129,7 @@ def _parser() -> argparse.ArgumentParser:
     paper.add_argument("--jobs", type=int, default=-1, help="processes (default: one for each core)")
     paper.set_defaults(command=_bench_paper, default_out="errorscreen-paper", interrupted=resumable)
     found = kinds.add_parser("discovery", help="how often causes are found, on hidden scenarios")
-    found.add_argument("--case", default="plant", help="plant or ieee39 (default plant)")
+    found.add_argument("--case", default="plant", help="plant, ieee39 or traps (default plant)")
     found.add_argument("--scenarios", type=int, default=200, help="hidden scenarios (default 200)")
     found.add_argument("--seed", type=int, default=0, help="of everything that is drawn (default 0)")
     found.add_argument(

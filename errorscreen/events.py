@@ -49,6 +49,15 @@ class Event:
         return float((self.time[-1] - self.time[0]) / (len(self.time) - 1))
 
 
+def _check_signals(signals: Mapping[str, NDArray[np.float64]], time: NDArray[np.float64]) -> None:
+    for name, values in signals.items():
+        if np.shape(values) != time.shape or not np.all(np.isfinite(values)):
+            raise InputError(
+                f"signal {name!r} has shape {np.shape(values)} or holds values that are not finite",
+                allowed=f"{len(time)} finite values",
+            )
+
+
 @dataclass(frozen=True)
 class Playback(Event):
     """Measured signals that are injected at the terminal of a device.
@@ -70,12 +79,33 @@ class Playback(Event):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name, values in self.signals.items():
-            if np.shape(values) != self.time.shape or not np.all(np.isfinite(values)):
-                raise InputError(
-                    f"signal {name!r} has shape {np.shape(values)} or holds values that are not finite",
-                    allowed=f"{len(self.time)} finite values",
-                )
+        _check_signals(self.signals, self.time)
+
+
+@dataclass(frozen=True)
+class InputSignal(Event):
+    """Measured inputs of a model, and the state that it starts from.
+
+    Parameters
+    ----------
+    signals : mapping of str to ndarray of shape (L,)
+        Inputs by name, in their units; empty for a model without inputs.
+    initial : mapping of str to float
+        States at the first instant that the simulator does not know by itself.
+
+    Examples
+    --------
+    >>> time = np.arange(0, 1, 0.01)
+    >>> InputSignal(time, "step", 0.5, {"u": 1.0 * (time >= 0.5)}).start
+    0.5
+    """
+
+    signals: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    initial: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_signals(self.signals, self.time)
 
 
 @dataclass(frozen=True)

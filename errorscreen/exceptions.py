@@ -66,6 +66,10 @@ class DataWarning(UserWarning):
     """The data were usable only after an assumption that the user should know of."""
 
 
+class EngineWarning(UserWarning):
+    """A user's functions could not be compiled and run as Python, which takes about a hundred times as long."""
+
+
 def unknown_name(
     name: str, known: Iterable[str], *, kind: str, where: str | None = None, remedy: str | None = None
 ) -> InputError:

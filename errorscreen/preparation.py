@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
+from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
@@ -173,6 +174,32 @@ def channel_noise(
             + "."
         )
     return noise
+
+
+def noise_of_signal(
+    name: str, time: NDArray[np.float64], values: NDArray[np.float64], start: float
+) -> tuple[float, str]:
+    r"""Noise of a channel of which only `start`, the end of its rest, is known, and how it was estimated.
+
+    With at least `errorscreen.signals.MIN_QUIET` readings at rest, from their scatter. Else white noise of variance
+    :math:`\sigma^2` has k-th differences of variance :math:`\binom{2k}{k}\sigma^2`, while a slow signal has none;
+    the smallest estimate of the orders 2 to 8 counts.
+    """
+    known = np.isfinite(values)
+    quiet = known & (time < start)
+    if quiet.sum() >= signals.MIN_QUIET:
+        return (
+            signals.estimate_noise(time, values, (float(time[quiet][0]), float(time[quiet][-1]))),
+            f"The noise of {name} was estimated from what lies before {start:g} s.",
+        )
+    readings = values[known]
+    orders = [k for k in range(2, 9) if len(readings) > 3 * k]
+    estimates = [np.std(np.diff(readings, k)) / np.sqrt(comb(2 * k, k)) for k in orders]
+    noise = max(float(min(estimates, default=0.0)), signals.noise_floor(readings))
+    return noise, (
+        f"The noise of {name} was taken as {noise:.2g}, from differences between readings: too much if it moves fast. "
+        "Errors below the noise are not seen, so state it where it is known."
+    )
 
 
 def warn_implausible(initial: Mapping[str, float], where: str) -> list[str]:

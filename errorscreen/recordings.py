@@ -180,6 +180,64 @@ class Recording:
         notes += preparation.warn_implausible(recording.initial(known), where)
         return replace(recording, assumptions=tuple(notes))
 
+    @classmethod
+    def from_signals(
+        cls,
+        time: ArrayLike,
+        values: Mapping[str, ArrayLike],
+        *,
+        name: str = "recording",
+        units: Mapping[str, str] | None = None,
+        noise: Mapping[str, float] | None = None,
+        event_time: float | None = None,
+    ) -> Recording:
+        """Build a recording of any system: nothing is assumed about bases, a quiet part or what happened.
+
+        Parameters
+        ----------
+        time : array-like of shape (L,)
+            Seconds.
+        values : mapping of str to array-like of shape (L,)
+            Inputs and outputs by name, NaN for gaps.
+        name : str
+        units : mapping of str to str, optional
+        noise : mapping of str to float, optional
+            Known standard deviations. The others are estimated: from what lies before `event_time` where that is given,
+            else from third differences, which is too much for a signal that changes fast from sample to sample.
+        event_time : float, optional
+            Before it everything is at rest. Where not given there is no such part.
+
+        Raises
+        ------
+        InputError
+            As `Recording`, and if the event lies outside of the record.
+
+        Examples
+        --------
+        >>> t = np.arange(0, 2, 0.01)
+        >>> rec = Recording.from_signals(t, {"x": np.sin(t)}, units={"x": "m"}, noise={"x": 0.01})
+        >>> rec.channel("x").unit, rec.event_time
+        ('m', 0.0)
+        """
+        where = f"recording {name!r}"
+        t = np.array(time, dtype=float)
+        arrays = {key: np.array(v, dtype=float) for key, v in values.items()}
+        _check_axes(t, arrays, where)
+        preparation.check_extras(arrays, noise or {}, {}, where)
+        start = float(t[0]) if event_time is None else float(event_time)
+        if not t[0] <= start < t[-1]:
+            raise InputError(
+                f"the event is at {start:g} s", where=where, allowed=f"from {t[0]:g} s to before {t[-1]:g} s"
+            )
+        quiet, notes, channels = (float(t[0]), start), [], {}
+        for key, v in arrays.items():
+            sigma = (noise or {}).get(key)
+            if sigma is None:
+                sigma, note = preparation.noise_of_signal(key, t, v, start)
+                notes.append(note)
+            channels[key] = Channel(key, v, (units or {}).get(key, ""), float(sigma))
+        return cls(name, t, channels, 1.0, 50.0, start, quiet, assumptions=tuple(notes))
+
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the measured channels."""

@@ -1,4 +1,4 @@
-"""Contract checks for simulators, screeners and calibrators, also for a user's own.
+"""Contract checks for simulators, effects, screeners and calibrators, also for a user's own.
 
 Each check raises `AssertionError` with what is wrong and what to mend. They compare results, so they need a simulator
 that runs in reasonable time, and a recording (or observation) it can be compared with.
@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from sklearn.base import clone
 
+from errorscreen.effects.base import Effect
 from errorscreen.exceptions import InputError
 from errorscreen.observations import Observation
 from errorscreen.parameters import ParameterSpace
@@ -103,6 +104,82 @@ def check_simulator(simulator: Simulator, n: int = 5, random_state: int = 0) -> 
         raise AssertionError(
             "simulate must raise InputError for a wrong number of columns and for NaN (use validate)"
         )
+
+
+def check_effect(simulator: Simulator, effect: Effect | str, n: int = 6, random_state: int = 0) -> None:
+    """Check that an effect keeps the contract that discovery relies on.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        That offers the effect.
+    effect : Effect or str
+        Or its name.
+    n : int
+        Number of random parameter vectors to try.
+    random_state : int
+
+    Raises
+    ------
+    AssertionError
+        With what to mend.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from errorscreen.events import Playback
+    >>> from errorscreen.simulators import PlantSimulator
+    >>> time = np.arange(0, 2, 0.02)
+    >>> event = Playback(time, "dip", 0.5, {"V": 1 - 0.2 * (time > 0.5)}, {"V": 1.0, "P": 0.6, "Q": 0.1})
+    >>> check_effect(PlantSimulator("pv_plant", event), "lag_P")
+    """
+    name = effect if isinstance(effect, str) else effect.name
+    where = f"effect {name!r}"
+    found = [e for e in simulator.effects if e.name == name]
+    _require(len(found) == 1, f"{where} must be offered by the simulator exactly once (simulator.effects)")
+    effect = found[0]
+    for field in ("title", "description", "source"):
+        _require(getattr(effect, field), f"{where} must have a {field}: reports show it")
+    first = effect.strength
+    _require(
+        first.lower <= 0.0 <= first.upper,
+        f"{where}: the bounds of its strength {first.name!r} must hold 0, where it is the identity",
+    )
+    extended = simulator.extend(effect)
+    k = len(simulator.parameters)
+    _require(
+        extended.parameters.names[k:] == tuple(effect.local(p.name) for p in effect.parameters),
+        f"{where}: extend must add its parameters behind those of the model, the strength first",
+    )
+    _require(extended.extensions[-1:] == (effect,), f"{where}: extend must list it in extensions")
+    _require(len(simulator.parameters) == k, f"{where}: extend must not change the simulator")
+    rng = np.random.default_rng(random_state)
+    low, high = extended.parameters.bounds.T
+    theta = rng.uniform(low, high, (n, len(low)))
+    theta[:, :k] = simulator.parameters.nominal
+    theta[0] = extended.parameters.nominal
+    off = theta.copy()
+    off[:, k] = 0.0
+    plain = simulator.simulate(off[:, :k]).values
+    _require(
+        np.array_equal(extended.simulate(off).values, plain, equal_nan=True),
+        f"{where}: at strength 0 responses must be those of the model without it, bit for bit, whatever its other "
+        "parameters are",
+    )
+    mixed = extended.simulate(np.concatenate([off, theta])).values
+    _require(
+        np.array_equal(mixed[:n], plain, equal_nan=True),
+        f"{where}: at strength 0 a simulation must not depend on its neighbours",
+    )
+    alive = np.isfinite(mixed[n:]).all(axis=(1, 2))
+    _require(
+        alive.any(),
+        f"{where}: no simulation with random parameters inside the bounds ended well: narrow them",
+    )
+    _require(
+        np.array_equal(mixed[n:][::-1], extended.simulate(theta[::-1]).values, equal_nan=True),
+        f"{where}: a simulation must not depend on its neighbours",
+    )
 
 
 def check_screener(screener: Any, recording: Any) -> None:

@@ -171,6 +171,7 @@ def case_step_errors():
     return table(("event", "channel", "range", *header), rows)
 
 
+_BENCHES = ("speed", "paper", "discovery")
 #: events of the signatures: those that hidden scenarios are fitted to, and two that make limiters and protection act
 _SIDES = (*FIT, GridSide("low for two seconds", 0.6, 2.0), GridSide("high to the end", step=0.12))
 #: what effects that belong to no device act on
@@ -209,7 +210,7 @@ def effect_table(folder):
 def commands():
     """Help texts of the command line."""
     text = []
-    for words in ((), ("demo",), ("run",), ("bench", "speed"), ("bench", "paper")):
+    for words in ((), ("demo",), ("run",), ("diagnose",), *(("bench", kind) for kind in _BENCHES)):
         output = io.StringIO()
         with contextlib.redirect_stdout(output), contextlib.suppress(SystemExit):
             main([*words, "--help"])

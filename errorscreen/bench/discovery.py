@@ -21,6 +21,7 @@ from errorscreen.bench.grid_scenarios import draw_grid_scenario
 from errorscreen.bench.plant_scenarios import draw_plant_scenario
 from errorscreen.bench.scenarios import LEAST_SIZE, MIX, Scenario
 from errorscreen.bench.timing import machine
+from errorscreen.bench.trap_scenarios import draw_trap_scenario
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.checkpoint import Checkpoint, digest
 from errorscreen.discovery import CauseFinder
@@ -30,7 +31,11 @@ from errorscreen.simulators import Simulator
 
 SCHEMA_VERSION = 1
 #: hidden scenarios of each case
-CASES: dict[str, Callable[..., Scenario]] = {"plant": draw_plant_scenario, "ieee39": draw_grid_scenario}
+CASES: dict[str, Callable[..., Scenario]] = {
+    "plant": draw_plant_scenario,
+    "ieee39": draw_grid_scenario,
+    "traps": draw_trap_scenario,
+}
 #: bins of the reliability, and probability of the intervals of rates
 _BINS, _LEVEL = 10, 0.95
 #: a group that holds the right name counts if it has at most so many members
@@ -67,7 +72,7 @@ def discovery_study(
         Folder, made where it is missing.
     report : callable
         Takes lines of text.
-    case : {"plant", "ieee39"}
+    case : {"plant", "ieee39", "traps"}
     scenarios : int
     seed : int
         A scenario does not depend on how many there are.
@@ -233,8 +238,9 @@ def _held_out(hidden: Scenario, finder: CauseFinder) -> dict[str, float | None]:
         return float(np.sqrt(total / count))
 
     true = None
+    alike = hidden.simulator.with_step_of(finder.extended_simulator_)
     if hidden.structure:
-        simulator = hidden.simulator
+        simulator = alike
         for name in hidden.structure:
             simulator = simulator.extend(name)
         problem = FitProblem(simulator, list(hidden.recordings))
@@ -242,7 +248,7 @@ def _held_out(hidden: Scenario, finder: CauseFinder) -> dict[str, float | None]:
         best = JointFit(simulator.extensions, problem, u).run(_ITERATIONS).hypothesis()
         true = distance(simulator.with_nominal(best.theta))
     found = {
-        "baseline": distance(finder.simulator),
+        "baseline": distance(alike),
         "recalibrated": distance(finder.recalibrated_simulator_),
         "extended": distance(finder.extended_simulator_),
         "true_structure": true,
@@ -286,10 +292,22 @@ def summarise(rows: Sequence[_Record]) -> dict[str, Any]:
         }
         for kind, _ in MIX
     }
+    by_device = {
+        device: {
+            outcome: sum(
+                r["outcome"] == outcome
+                for r in rows
+                if r["truth"]["device"] == device and r["truth"]["kind"] != "nothing"
+            )
+            for outcome in ("correct", "wrong", "unknown", "missed")
+        }
+        for device in sorted({r["truth"]["device"] for r in rows})
+    }
     right = [r for r in rows if r["truth"]["right"] and r["outcome"] == "correct"]
     return {
         "rates": rates,
         "by_kind": by_kind,
+        "by_device": by_device,
         "held_out_ratio_median": _median_ratio(right, "extended", "recalibrated"),
         "true_structure_ratio_median": _median_ratio(right, "extended", "true_structure"),
         **_calibration(rows),

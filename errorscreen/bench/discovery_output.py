@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from errorscreen.persistence import write_json_atomic, write_text_atomic
+from errorscreen.plotting.charts import figure_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -62,6 +63,13 @@ def tables(result: dict[str, Any]) -> str:
     ]
     for kind, counts in result["by_kind"].items():
         lines.append(f"| {kind} | " + " | ".join(str(n) for n in counts.values()) + " |")
+    lines += [
+        "",
+        "| hidden in | correct | wrong | unknown | parameters |",
+        "|---|---|---|---|---|",
+    ]
+    for device, counts in result["by_device"].items():
+        lines.append(f"| {device} | " + " | ".join(str(n) for n in counts.values()) + " |")
     lines += ["", "| | |", "|---|---|"]
     facts = {
         "held-out error, extended over recalibrated model (median, named rightly)": result[
@@ -88,7 +96,7 @@ def tables(result: dict[str, Any]) -> str:
 
 def power_figure(result: dict[str, Any]) -> Figure:
     """Share of effects named rightly over their size."""
-    figure = _figure()
+    figure = figure_of(6.0, 4.0)
     axes = figure.subplots()
     rows = [r for r in result["scenarios"] if r["truth"]["kind"] in ("effect", "other form", "measurement")]
     sizes = np.array([r["truth"]["size"] for r in rows])
@@ -117,7 +125,7 @@ def power_figure(result: dict[str, Any]) -> Figure:
 
 def reliability_figure(result: dict[str, Any]) -> Figure:
     """Share of first causes that are right over the probability they were given."""
-    figure = _figure()
+    figure = figure_of(6.0, 4.0)
     axes = figure.subplots()
     axes.plot([0, 1], [0, 1], color="0.7", linewidth=1)
     entries = result["reliability"]
@@ -138,9 +146,3 @@ def reliability_figure(result: dict[str, Any]) -> Figure:
         title=f"expected calibration error {result['expected_calibration_error']:.3f}",
     )
     return figure
-
-
-def _figure() -> Figure:
-    from matplotlib.figure import Figure
-
-    return Figure(figsize=(6.0, 4.0), layout="constrained")

@@ -10,13 +10,13 @@ from errorscreen.discovery.diagnosis import (
     noise_limit,
     stage_errors,
 )
-from errorscreen.discovery.finder import CauseFinder, Group
+from errorscreen.discovery.finder import CauseFinder
 from errorscreen.discovery.first_look import FirstLook, effect_dataset
 from errorscreen.discovery.gain import EventGain, Gain, measure_gain
 from errorscreen.discovery.hypotheses import Hypothesis
 from errorscreen.discovery.latent import Place, rank_places
 from errorscreen.discovery.quick import Diagnosis, diagnose
-from errorscreen.discovery.ranking import Cause
+from errorscreen.discovery.ranking import Cause, Group
 from errorscreen.discovery.remainder import Cell, Remainder, remainder_test
 
 __all__ = [

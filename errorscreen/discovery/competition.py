@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.discovery.hypotheses import Hypothesis, JointFit, Signature, escapes, linearised, signature
+from errorscreen.discovery.hypotheses import Hypothesis, JointFit, linearised
 from errorscreen.discovery.remainder import Remainder, remainder_test
+from errorscreen.discovery.signatures import Signature, escapes, signature
 from errorscreen.effects.base import Effect
 from errorscreen.exceptions import SimulationError
 from errorscreen.observations import Observation
@@ -31,8 +32,9 @@ _ESCAPES = 3
 _HOPE = 20.0
 #: a fit whose χ²/N is at most this is tried with a step so many times smaller
 _NEAR, _FINER = 50.0, 4
-#: simulations of all parameters together, from which further starts of a single effect are taken
-_MATCHES = 256
+#: simulations of all parameters together, from which further starts of a single effect are taken: at most, and for each
+#: parameter of the model
+_MATCHES, _MATCHES_EACH = 256, 32
 
 _Array = NDArray[np.float64]
 
@@ -158,7 +160,7 @@ class Competition:
         found = []
         for number, effect in enumerate(effects):
             seed = np.random.SeedSequence(self.seed, spawn_key=(number, len(base.effects)))
-            matches = 0 if base.effects else _MATCHES
+            matches = 0 if base.effects else min(_MATCHES, _MATCHES_EACH * len(base.u))
             one = signature(simulator, observations, effect, points, self.n_draws, seed, matches)
             if one is not None:
                 found.append(one)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from errorscreen.events import Playback
+from errorscreen.events import InputSignal, Playback
 from errorscreen.metrics import quiet_level, response_error, rms
 from errorscreen.observations import Observation
 from errorscreen.signals import correlation_time
@@ -17,6 +17,7 @@ from errorscreen.signals import correlation_time
 #: seconds after the fault until which a stage lasts; the end of the fault is read off the voltage
 RECOVERY, OSCILLATION = 0.5, 3.0
 STAGES = ("before", "fault", "first recovery", "oscillation", "end")
+QUARTERS = ("before", "first quarter", "second quarter", "third quarter", "last quarter")
 
 
 @dataclass(frozen=True)
@@ -116,13 +117,20 @@ def channel_fits(observation: Observation, responses: ArrayLike) -> list[Channel
     ]
 
 
+def stage_names(observation: Observation) -> tuple[str, ...]:
+    """Names of the stages: `STAGES` of a disturbance in a grid, `QUARTERS` of the record of any other system."""
+    return QUARTERS if isinstance(observation.event, InputSignal) else STAGES
+
+
 def stage_limits(observation: Observation) -> NDArray[np.float64]:
-    """Instants in seconds between which the stages of `STAGES` lie, shape (6,).
+    """Instants in seconds between which the stages of `stage_names` lie, shape (6,).
 
     The fault ends where the voltage has come back by half of its largest deviation within the first second; without a
     voltage, or if it never comes back (a step), after 0.2 s.
     """
     time, start = observation.time, observation.event.start
+    if isinstance(observation.event, InputSignal):
+        return np.r_[time[0], np.linspace(start, time[-1], len(QUARTERS))]
     end = start + 0.2
     if isinstance(observation.event, Playback):
         voltage = observation.event.signals["V"]
@@ -150,7 +158,7 @@ def stage_errors(observation: Observation, responses: ArrayLike) -> list[StageEr
     out = []
     for r in np.flatnonzero(observation.mask.any(axis=1)):
         total = float(np.nansum(errors[r] ** 2))
-        for stage, start, stop in zip(STAGES, limits[:-1], limits[1:], strict=True):
+        for stage, start, stop in zip(stage_names(observation), limits[:-1], limits[1:], strict=True):
             last = stop == limits[-1]
             part = (observation.time >= start) & (
                 (observation.time <= stop) if last else (observation.time < stop)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,7 @@ from errorscreen.discovery.diagnosis import Verdict, judge
 from errorscreen.discovery.gain import Gain, measure_gain
 from errorscreen.discovery.hypotheses import PRIOR, Hypothesis, parameters_only
 from errorscreen.discovery.latent import Place, rank_places
-from errorscreen.discovery.ranking import rank_causes
+from errorscreen.discovery.ranking import Group, rank_causes
 from errorscreen.discovery.remainder import Remainder, remainder_test
 from errorscreen.effects.base import Effect
 from errorscreen.events import Event
@@ -34,22 +33,6 @@ _ALIKE = 20.0
 _PLACEBO = 0.05
 
 _Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Group:
-    """Explanations that these recordings cannot tell apart.
-
-    Parameters
-    ----------
-    names : tuple of str
-    separating : tuple of (str, str, float)
-        Event, channel and by how many standard deviations of the noise (root of the sum of squares) the explanations
-        would differ there, the best first; empty where no other event was given.
-    """
-
-    names: tuple[str, ...]
-    separating: tuple[tuple[str, str, float], ...]
 
 
 class CauseFinder(BaseEstimator):
@@ -170,6 +153,7 @@ class CauseFinder(BaseEstimator):
         self.places_: list[Place] = []
         self._tell("fit without effects")
         self._calibrator = self._calibrate(observations)
+        self._count = self._calibrator.n_simulations_
         best = min(self._calibrator.starts_, key=lambda start: start["objective"])
         first = parameters_only(self.simulator, observations, self._calibrator.theta_, best["state"])
         found = Competition(
@@ -187,9 +171,10 @@ class CauseFinder(BaseEstimator):
         self._base = base = found.base
         if base is not first:  # a better minimum, or a smaller step
             self._calibrator = self._calibrate(base.observations, base)
+            self._count += self._calibrator.n_simulations_
         self.hypotheses_ = sorted(found.hypotheses, key=lambda h: -found.scores[h.name])
         self.remainders_, self.scores_, self.signatures_ = found.remainders, found.scores, found.signatures
-        self._count = found.n_simulations + self._calibrator.n_simulations_
+        self._count += found.n_simulations
         self.causes_ = rank_causes(found)
         self._choose()
         self.n_simulations_ = self._count
@@ -301,15 +286,15 @@ class CauseFinder(BaseEstimator):
             `extended_simulator_` the recalibrated one.
         """
         check_is_fitted(self, "extended_simulator_")
-        placebo = self.placebo_
+        extended, placebo = self.extended_simulator_, None
+        if self.placebo_ is not None:
+            placebo = self.placebo_.simulator.with_step_of(extended).with_nominal(self.placebo_.theta)
         gain = measure_gain(
-            self.simulator,
+            self.simulator.with_step_of(extended),
             self.recalibrated_simulator_,
-            self.extended_simulator_,
+            extended,
             held_out,
-            placebo=None
-            if placebo is None
-            else placebo.simulator.with_step_of(self.extended_simulator_).with_nominal(placebo.theta),
+            placebo=placebo,
             random_state=self._seed,
         )
         if self.verdict_.kind in ("effect", "measurement") and not gain.holds:
@@ -369,6 +354,7 @@ class CauseFinder(BaseEstimator):
         if first.kind == "unknown":
             return self._unknown(figures)
         form = alike = ""
+        at = "" if first.place in first.title else f" (at {first.place})"
         if not first.exact:
             form = (
                 f" It explains {100 * first.explained:.1f} % of what parameters leave, but not all: its form is not "
@@ -378,8 +364,8 @@ class CauseFinder(BaseEstimator):
             alike = f" These recordings cannot tell it from: {', '.join(self.groups_[0].names[1:])}."
         return Verdict(
             first.kind,
-            f"{first.title} (at {first.place}) explains what parameters cannot, with probability "
-            f"{first.probability:.2f}.{form} {figures}{alike}",
+            f"{first.title}{at} explains what parameters cannot, with probability {first.probability:.2f}."
+            f"{form} {figures}{alike}",
         )
 
     def _judged(self, held_out: Sequence[Observation] = ()) -> Verdict:
@@ -398,8 +384,9 @@ class CauseFinder(BaseEstimator):
                 f" A signal that enters at {place.place} of the {place.device} would explain it best "
                 f"({place.text})."
             )
-        best = self.hypotheses_[0]
-        doubt = ""
+        elif not any(effect.kind == "latent" for effect in self.simulator.effects):
+            where = " The simulator has no ports: what it lacks inside could neither be tried nor located."
+        best, doubt = self.hypotheses_[0], ""
         if not self._base.converged:
             doubt = (
                 " The search without effects did not end at a minimum, so that other values of the parameters may do "

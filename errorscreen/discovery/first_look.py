@@ -21,7 +21,7 @@ from sklearn.base import BaseEstimator, clone
 from sklearn.utils.validation import check_is_fitted
 
 from errorscreen.datasets import ErrorDataset
-from errorscreen.discovery.hypotheses import spread_over
+from errorscreen.discovery.signatures import spread_over
 from errorscreen.events import Event
 from errorscreen.exceptions import InputError, check_integer, check_real
 from errorscreen.generation import generate_dataset

@@ -146,7 +146,7 @@ def measure_gain(
 def _squares(model: Simulator, observations: Sequence[Observation]) -> list[_Array]:
     """Sum of the squared deviations over the channels at each instant, for each recording (L,)."""
     out = []
-    for observation in observations:
+    for observation in map(model.settled, observations):
         y = model.simulate(model.parameters.nominal, observation.event).values[0]
         failed = np.isnan(y).any()
         z = np.full(observation.values.shape, np.inf) if failed else observation.deviations(y)

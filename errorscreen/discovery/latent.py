@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery.hypotheses import Hypothesis, fit_hypothesis
 from errorscreen.effects.latent_input import KNOTS
-from errorscreen.events import Playback
+from errorscreen.events import InputSignal, Playback
 from errorscreen.exceptions import SimulationError
 from errorscreen.observations import Observation
 
@@ -33,6 +33,8 @@ class Place:
         Of the signal in the first recording, in the unit of the port.
     follows : tuple of (str, float)
         Quantities that it moves with, and the correlation, the largest first.
+    unit : str
+        Of the waveform.
     """
 
     device: str
@@ -42,11 +44,12 @@ class Place:
     time: _Array
     waveform: _Array
     follows: tuple[tuple[str, float], ...]
+    unit: str = "pu"
 
     @property
     def text(self) -> str:
         """Size and dependence in words."""
-        size = f"up to {np.abs(self.waveform).max():.2g} pu"
+        size = f"up to {np.abs(self.waveform).max():.2g} {self.unit}".rstrip()
         if not self.follows:
             return size
         name, correlation = self.follows[0]
@@ -114,6 +117,8 @@ def _place(hypothesis: Hypothesis, knots: _Array, probability: float, observatio
     after = time >= start
     simulated = hypothesis.predict(observation.event)
     signals = dict(zip(observation.channels, simulated, strict=True))
+    if isinstance(observation.event, InputSignal):
+        signals |= observation.event.signals
     if isinstance(observation.event, Playback):
         V = observation.event.signals["V"]
         signals["V"] = V
@@ -127,4 +132,7 @@ def _place(hypothesis: Hypothesis, knots: _Array, probability: float, observatio
             follows.append((name, float(a @ b / norm)))
     follows.sort(key=lambda item: -abs(item[1]))
     device = effect.device or getattr(getattr(hypothesis.simulator, "device", None), "name", "model")
-    return Place(device, effect.port, probability, hypothesis.chi2_per_sample, time, signal, tuple(follows))
+    unit = effect.parameters[1].unit
+    return Place(
+        device, effect.port, probability, hypothesis.chi2_per_sample, time, signal, tuple(follows), unit
+    )

@@ -17,6 +17,8 @@ _MARGIN = 10.0
 #: an effect in another form than the library's leaves at most about this share of what parameters leave (in amplitude
 #: 14 %)
 _FORM = 0.02
+#: two effects together have so much freedom that they also make up for a form that is wrong: they must leave less
+_FORM_OF_TWO = 0.003
 #: half width of intervals for 90 % in standard deviations
 _WIDTH = 1.645
 
@@ -54,11 +56,27 @@ class Cause:
     exact: bool
 
 
+@dataclass(frozen=True)
+class Group:
+    """Explanations that these recordings cannot tell apart.
+
+    Parameters
+    ----------
+    names : tuple of str
+    separating : tuple of (str, str, float)
+        Event, channel and by how many standard deviations of the noise (root of the sum of squares) the explanations
+        would differ there, the best first; empty where no other event was given.
+    """
+
+    names: tuple[str, ...]
+    separating: tuple[tuple[str, str, float], ...]
+
+
 def rank_causes(found: Competition) -> list[Cause]:
     """Causes and "unknown", the most probable first; their probabilities sum to 1.
 
-    Hypotheses that leave only noise are compared by their evidence. Where there is none, a single effect that
-    explains nearly all of what parameters leave counts as being of the right kind, in another form than the library's.
+    Hypotheses that leave only noise are compared by their evidence. Where there is none, what explains nearly all of
+    what parameters leave counts as being of the right kind, in another form than the library's.
 
     Parameters
     ----------
@@ -91,17 +109,20 @@ def _exact(found: Competition) -> list[Cause]:
 
 
 def _of_a_kind(found: Competition) -> list[Cause]:
-    """Single effects, if one explains nearly everything, though not in the form that the library gives it.
+    """Effects that explain nearly everything, though not in the form that the library gives them.
 
-    Two effects together have so much freedom that they also make up for a form that is wrong.
+    Single ones if one of them does; else pairs, of which more is asked.
     """
-    members = [h for h in found.hypotheses if len(h.effects) == 1]
-    left = np.array([1.0 - _explained(found, h) for h in members])
-    if not members or left.min() >= _FORM:
+    for size, most in ((1, _FORM), (2, _FORM_OF_TWO)):
+        members = [h for h in found.hypotheses if len(h.effects) == size]
+        left = np.array([1.0 - _explained(found, h) for h in members])
+        if len(left) and left.min() < most:
+            break
+    else:
         return []
     # errors of form are no noise: how much better one is tells less than its evidence says
     weights = np.maximum(left, np.finfo(float).tiny) ** -2.0
-    weights /= weights.sum() * (1.0 + left.min() / _FORM)
+    weights /= weights.sum() * (1.0 + left.min() / most)
     return [_cause(found, h, float(w), exact=False) for h, w in zip(members, weights, strict=True)]
 
 

@@ -24,8 +24,9 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.signal import detrend, lfilter
 from scipy.stats import false_discovery_control, norm
 
-from errorscreen.discovery.diagnosis import STAGES, stage_limits
+from errorscreen.discovery.diagnosis import stage_limits, stage_names
 from errorscreen.discovery.hypotheses import PRIOR
+from errorscreen.events import InputSignal
 from errorscreen.observations import Observation
 from errorscreen.sampling import generator
 from errorscreen.signals import correlation_time
@@ -178,6 +179,18 @@ def remainder_test(
     return Remainder((1.0 + beyond) / (n_bootstrap + 1.0), float(excess.max()), cells)
 
 
+def bands(observation: Observation) -> tuple[float, ...]:
+    """Edges of the frequency bands in Hz: `BANDS` in a grid; of any other system, even in the logarithm.
+
+    From four periods in the record to half of what its sampling resolves.
+    """
+    if not isinstance(observation.event, InputSignal):
+        return BANDS
+    time, dt = observation.time, observation.event.dt
+    lowest, highest = 4.0 / (time[-1] - time[0]), 0.25 / dt
+    return (0.0, *np.geomspace(min(lowest, 0.5 * highest), highest, 3).tolist(), np.inf)
+
+
 def _split(observations: Sequence[Observation], residuals: ArrayLike) -> list[tuple[Observation, _Array]]:
     """Residuals (..., N) as channels (..., R, L) of each recording; 0 where nothing was measured."""
     z = np.asarray(residuals, dtype=float)
@@ -198,15 +211,15 @@ def _energies(observations: Sequence[Observation], residuals: _Array) -> tuple[l
     energies: list[_Array] = []
     for observation, z in _split(observations, residuals):
         time, dt = observation.time, observation.event.dt
-        limits = stage_limits(observation)
+        limits, names = stage_limits(observation), stage_names(observation)
         spectrum = np.fft.rfft(z, axis=-1)
         frequency = np.fft.rfftfreq(len(time), dt)
-        for low, high in pairwise(BANDS):
+        for low, high in pairwise(bands(observation)):
             part = (frequency >= low) & (frequency < high)
             if not part.any():
                 continue
             band = np.fft.irfft(spectrum * part, len(time), axis=-1)
-            for stage, start, stop in zip(STAGES[1:], limits[1:-1], limits[2:], strict=True):
+            for stage, start, stop in zip(names[1:], limits[1:-1], limits[2:], strict=True):
                 inside = (time >= start - 1e-9) & (time < stop - 1e-9 if stop < time[-1] else time <= stop)
                 for r in np.flatnonzero(observation.mask.any(axis=1)):
                     if (observation.mask[r] & inside).sum() < _FEWEST:

@@ -7,8 +7,8 @@ identity**, bit for bit, also beside simulations that use it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,6 +109,9 @@ class Effect:
     minima : int
         About how many local minima a fit of its parameters has; a search draws that many times more values. Frequency
         and phase of an oscillation have many, and so have timers.
+    smallest : mapping of str to float
+        Of a parameter whose range begins at 0, or is symmetrical: smallest magnitude that matters. A search draws in
+        the logarithm from there.
     """
 
     name: str
@@ -127,6 +130,7 @@ class Effect:
     source: str = ""
     confused_with: tuple[str, ...] = ()
     minima: int = 1
+    smallest: Mapping[str, float] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:

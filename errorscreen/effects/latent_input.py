@@ -48,14 +48,16 @@ def _start(values: Values, h: float) -> Values:
     return {"te": values["t_event"] * one, "rate": KNOTS**2 / (values["t_stop"] - values["t_event"]) * one}
 
 
-def latent_input(port: str, size: float) -> Effect:
+def latent_input(port: str, size: float, unit: str = "pu") -> Effect:
     """Unknown signal at a port.
 
     Parameters
     ----------
     port : str
     size : float
-        Largest value of the signal, in the unit of the port.
+        Largest value of the signal.
+    unit : str
+        Of the port.
 
     Examples
     --------
@@ -64,7 +66,7 @@ def latent_input(port: str, size: float) -> Effect:
     """
     of = f"latent input at {port}"
     knots = tuple(
-        Parameter(f"a{i}", 0.0, -size, size, "", of, f"a_{i}", f"value at knot {i + 1}", scale=size)
+        Parameter(f"a{i}", 0.0, -size, size, unit, of, f"a_{i}", f"value at knot {i + 1}", scale=size)
         for i in range(KNOTS)
     )
     return Effect(

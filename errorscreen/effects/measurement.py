@@ -74,12 +74,20 @@ def true_of_offset(value: Any, b: Any) -> Any:
     return value - b
 
 
-def measurement_effects(channels: Iterable[str]) -> tuple[Effect, ...]:
+def measurement_effects(
+    channels: Iterable[str], unit: str = "pu", size: float = 1.0, late: float = 0.2
+) -> tuple[Effect, ...]:
     """Scale, offset, clock skew and lag of each measured channel.
 
     Parameters
     ----------
     channels : iterable of str
+    unit : str
+        Of the channels.
+    size : float
+        Of what they measure, in that unit; offsets are at most a fifth of it.
+    late : float
+        Largest clock skew in seconds; lags are at most 2.5 times as long.
 
     Returns
     -------
@@ -90,10 +98,10 @@ def measurement_effects(channels: Iterable[str]) -> tuple[Effect, ...]:
     >>> [effect.name for effect in measurement_effects(["P"])]
     ['scale_P', 'offset_P', 'skew_P', 'lag_P']
     """
-    return tuple(effect for channel in channels for effect in _of_channel(channel))
+    return tuple(effect for channel in channels for effect in _of_channel(channel, unit, size, late))
 
 
-def _of_channel(channel: str) -> tuple[Effect, ...]:
+def _of_channel(channel: str, unit: str, size: float, late: float) -> tuple[Effect, ...]:
     of = f"measurement of {channel}"
     port = f"channel.{channel}"
     return (
@@ -108,7 +116,7 @@ def _of_channel(channel: str) -> tuple[Effect, ...]:
         ),
         Effect(
             f"offset_{channel}", f"Offset of {channel}", port, offset,
-            (strength("b", 0.02, 0.2, "pu", of, "b", "offset; 0: none", -0.2),),
+            (strength("b", 0.02 * size, 0.2 * size, unit, of, "b", "offset; 0: none", -0.2 * size),),
             recorded=true_of_offset, kind="measurement", formula="measured = true + b",
             description=f"A constant is added to {channel}: auxiliaries or other feeders behind the meter, or a zero "
             "error.",
@@ -117,7 +125,7 @@ def _of_channel(channel: str) -> tuple[Effect, ...]:
         ),
         Effect(
             f"skew_{channel}", f"Clock skew of {channel}", port, skewed,
-            (strength("d", 0.02, 0.2, "s", of, "d", "time by which the channel is late; 0: none", -0.2),),
+            (strength("d", 0.1 * late, late, "s", of, "d", "time by which the channel is late; 0: none", -late),),
             kind="measurement", formula="measured(t) = true(t − d)",
             description=f"{channel} is stamped too late or too early against the other channels: every edge is moved "
             "by the same time.",
@@ -126,7 +134,7 @@ def _of_channel(channel: str) -> tuple[Effect, ...]:
         ),
         Effect(
             f"lag_{channel}", f"Lag in the measurement of {channel}", port, lagged,
-            (strength("T", 0.05, 0.5, "s", of, "T", "time constant; 0: none"),),
+            (strength("T", 0.25 * late, 2.5 * late, "s", of, "T", "time constant; 0: none"),),
             kind="measurement", formula="measured = true / (1 + s T)",
             description=f"The transducer or the meter smooths {channel}: fast edges arrive late and rounded, while "
             "slow swings are right.",

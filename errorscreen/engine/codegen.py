@@ -15,6 +15,7 @@ import os
 import shutil
 import sys
 import tempfile
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -190,8 +191,14 @@ def _process_directory() -> Path:
 
 def fingerprint(model: Model, text: str) -> str:
     """Hash over the module's text and every source file that its functions come from."""
+    return fingerprint_of(
+        {sys.modules[call.function.__module__] for call in model.calls} | {rk4, vmath}, text
+    )
+
+
+def fingerprint_of(modules: Iterable[ModuleType], text: str) -> str:
+    """Hash over a text and the sources of some modules."""
     digest = hashlib.sha256(f"{numba.__version__}{sys.version_info[:2]}{text}".encode())
-    modules = {sys.modules[call.function.__module__] for call in model.calls} | {rk4, vmath}
     for module in sorted(modules, key=lambda m: m.__name__):
         try:
             digest.update(inspect.getsource(module).encode())
@@ -206,7 +213,18 @@ def fingerprint(model: Model, text: str) -> str:
 def load_module(model: Model, lanes: int) -> ModuleType:
     """Write the generated module where it is missing or differs, and import it."""
     text = source(model, lanes)
-    name = f"model_{fingerprint(model, text)}_{lanes}"
+    return load_generated(f"model_{fingerprint(model, text)}_{lanes}", text)
+
+
+def load_generated(name: str, text: str) -> ModuleType:
+    """Write a generated module into the user's cache directory where it is missing or differs, and import it.
+
+    Parameters
+    ----------
+    name : str
+        With a fingerprint of everything that its functions are compiled from: numba looks at this file alone.
+    text : str
+    """
     if name in sys.modules:
         return sys.modules[name]
     path = cache_directory() / f"{name}.py"

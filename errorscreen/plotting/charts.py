@@ -308,8 +308,8 @@ def plot_waveform(
     """
     figure = figure_of(7.0, 2.6)
     axes = figure.subplots()
-    axes.plot(np.asarray(time, dtype=float), np.asarray(signal, dtype=float), color="#0072b2")
-    axes.set_xlabel("time (s)")
+    axes.plot(np.asarray(time, dtype=float), np.asarray(signal, dtype=float), color=COLOURS[1])
+    axes.set_xlabel("time in s")
     axes.set_ylabel(with_unit(name, unit))
     if event_time is not None:
         mark_event(axes, event_time)

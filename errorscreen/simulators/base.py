@@ -25,6 +25,7 @@ class Status(IntEnum):
     OK = 0
     DIVERGED = 1
     NO_EQUILIBRIUM = 2
+    FAILED = 3
 
 
 REMEDIES = {
@@ -33,6 +34,8 @@ REMEDIES = {
     "bounds, or check the units of the recording",
     Status.NO_EQUILIBRIUM: "no steady state exists for the recorded pre-event values: check the sign and base "
     "of P and Q, or the limits of the device",
+    Status.FAILED: "the program raised an error, or returned values that are not finite: call it with these parameters "
+    "by itself, and narrow the bounds where it does not work",
 }
 
 
@@ -179,6 +182,18 @@ class Simulator(ABC):
         """
         return observation
 
+    def settled(self, observation: Observation) -> Observation:
+        """Return a recording with what belongs to it alone estimated from its beginning, as an unknown initial state.
+
+        Models are compared on recordings that were not fitted; each gets the start that suits it best, and nothing else
+        is adapted. Without anything of that kind the observation is returned as it is.
+
+        Parameters
+        ----------
+        observation : Observation
+        """
+        return observation
+
     def refined(self, factor: int) -> Simulator:
         """Return this simulator with a step so many times smaller; itself where it has no step.
 
@@ -187,11 +202,7 @@ class Simulator(ABC):
         factor : int
         """
         step = getattr(self, "step", None)
-        if step is None:
-            return self
-        changed = copy.copy(self)
-        changed.step = step / factor  # type: ignore[attr-defined]
-        return changed
+        return self if step is None else self._with_step(step / factor)
 
     def with_step_of(self, other: Simulator) -> Simulator:
         """Return this simulator with the step of another, see `refined`; itself where it has no step.
@@ -202,11 +213,12 @@ class Simulator(ABC):
         ----------
         other : Simulator
         """
-        step = getattr(self, "step", None)
-        if step is None:
-            return self
+        step = getattr(other, "step", None)
+        return self if step is None else self._with_step(step)
+
+    def _with_step(self, step: float) -> Simulator:
         changed = copy.copy(self)
-        changed.step = other.step  # type: ignore[attr-defined]
+        changed.step = step  # type: ignore[attr-defined]
         return changed
 
     def with_nominal(self, theta: ArrayLike) -> Simulator:

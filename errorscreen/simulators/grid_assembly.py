@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from errorscreen.effects.base import Effect
+from errorscreen.effects import (
+    FAULT_DURATION,
+    FAULT_IMPEDANCE,
+    LIBRARY,
+    Effect,
+    branch_trip,
+    measurement_effects,
+)
 from errorscreen.engine.stages import Call, Equations, Model, reads_of, writes_of
+from errorscreen.events import BusFault, Event
 from errorscreen.exceptions import InputError
 from errorscreen.power import elimination, two_axis_fixed
 from errorscreen.power.device import Device, GridInterface
+from errorscreen.power.network import Network
 from errorscreen.power.reduction import ReducedNetwork
 from errorscreen.simulators.assembly import effect_call, effect_constants, effect_states, gates
 
@@ -51,6 +60,33 @@ def constant_names(device: Device) -> tuple[str, ...]:
     """Candidates, constants and set-points of a device in a grid, without prefix."""
     constants = (*device.constants, *interface(device).constants)
     return (*device.candidates.names, *(c.name for c in constants), *device.setpoints, "size")
+
+
+def grid_effects(
+    devices: Iterable[str], channels: Iterable[str], network: Network, event: Event
+) -> Iterator[Effect]:
+    """Effects of each device, of the measurement, and of what may have been different in a fault.
+
+    Parameters
+    ----------
+    devices : iterable of str
+    channels : iterable of str
+    network : Network
+    event : Event
+        What the simulator simulates where nothing else is given.
+    """
+    for device in devices:
+        yield from (effect.at(device) for effect in LIBRARY.get(device, ()))
+    yield from measurement_effects(channels)
+    if isinstance(event, BusFault):
+        yield from (FAULT_DURATION, FAULT_IMPEDANCE)
+        for branch in network.branches:
+            if event.bus in branch.ends and branch.in_service:
+                try:
+                    network.with_line_out(*branch.ends, branch.circuit)
+                except InputError:  # it would leave an island
+                    continue
+                yield branch_trip(branch.ends)
 
 
 class GridModel:

@@ -10,16 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from errorscreen.effects import (
-    FAULT_DURATION,
-    FAULT_IMPEDANCE,
-    LIBRARY,
-    Effect,
-    branch_trip,
-    measurement_effects,
-)
+from errorscreen.effects import Effect
 from errorscreen.engine import Engine, ReferenceEngine
-from errorscreen.events import BusFault, Event, GridEvent
+from errorscreen.events import Event, GridEvent
 from errorscreen.exceptions import InputError, check_real, unknown_name
 from errorscreen.observations import Observation
 from errorscreen.parameters import ParameterSpace
@@ -30,7 +23,7 @@ from errorscreen.power.reduction import ReducedNetwork, reduce_network
 from errorscreen.recordings import Recording
 from errorscreen.simulators.assembly import INSIDE, check_ports, measured, start_effects, switched_off
 from errorscreen.simulators.base import Responses, Simulator, Status
-from errorscreen.simulators.grid_assembly import GridModel, machine_prefix, qualified
+from errorscreen.simulators.grid_assembly import GridModel, grid_effects, machine_prefix, qualified
 from errorscreen.simulators.grid_unit import Unit
 
 #: a channel beyond this is not that of a grid, in pu
@@ -125,8 +118,10 @@ class PowerSystemSimulator(Simulator):
             candidates.index(name)
         self.channels = tuple(self.observed)
         self.units = ("pu",) * len(self.channels)
-        self.effects = tuple(self._library() if effects is None else effects)
         devices = {u.model.name: u.model for u in self.units_under_test}
+        if effects is None:
+            effects = grid_effects(devices, self.channels, self.network, self.event)
+        self.effects = tuple(effects)
         inside = tuple(e for e in self.effects if e.kind in INSIDE)
         for effect in inside:
             if effect.device not in devices:
@@ -347,21 +342,6 @@ class PowerSystemSimulator(Simulator):
             flows=[w for w in self.observed.values() if isinstance(w, tuple)],
             admittances={m.bus: m.admittance for m in self.machines},
         )
-
-    def _library(self) -> Iterable[Effect]:
-        """Effects of each unit, of the measurement, and of the event."""
-        for unit in self.units_under_test:
-            yield from (effect.at(unit.model.name) for effect in LIBRARY.get(unit.model.name, ()))
-        yield from measurement_effects(self.channels)
-        if isinstance(self.event, BusFault):
-            yield from (FAULT_DURATION, FAULT_IMPEDANCE)
-            for branch in self.network.branches:
-                if self.event.bus in branch.ends and branch.in_service:
-                    try:
-                        self.network.with_line_out(*branch.ends, branch.circuit)
-                    except InputError:  # it would leave an island
-                        continue
-                    yield branch_trip(branch.ends)
 
     def _start(
         self, theta: NDArray[np.float64], flow: LoadFlow, event: GridEvent, h: float

@@ -93,7 +93,18 @@ def test_two_effects_that_make_up_for_a_wrong_form_are_not_named():
         competition(
             ((), 1000.0, 0.001, -500.0),
             ((EXCITER,), 50.0, 0.001, -60.0),
-            ((EXCITER, GOVERNOR), 1.0, 0.001, -20.0),
+            ((EXCITER, GOVERNOR), 10.0, 0.001, -20.0),
         )
     )
     assert only.name == "unknown"
+
+
+def test_two_effects_that_leave_hardly_anything_are_named():
+    first, other = rank_causes(
+        competition(
+            ((), 1000.0, 0.001, -500.0),
+            ((EXCITER,), 50.0, 0.001, -60.0),
+            ((EXCITER, GOVERNOR), 0.5, 0.001, -20.0),
+        )
+    )
+    assert (first.name, first.exact, other.name) == ("exciter + governor", False, "unknown")

@@ -1,0 +1,206 @@
+"""What an effect promises before it is fitted, and ways out of a local minimum after it was."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from errorscreen.calibration.problem import FitProblem
+from errorscreen.discovery.hypotheses import PRIOR, Hypothesis
+from errorscreen.effects.base import Effect
+from errorscreen.observations import Observation
+from errorscreen.parameters import Parameter, ParameterSpace
+from errorscreen.sampling import generator, latin_hypercube
+from errorscreen.simulators.base import Simulator
+
+#: draws of later rounds scatter by these shares of the ranges around so many of the best
+_SPREADS, _ELITE = (0.1, 0.03, 0.01), 8
+#: draws of an effect with a single parameter; with d parameters so many times d squared, up to what is asked for
+_DRAWS_PER_SQUARE = 12
+#: a parameter whose bounds have at least this ratio is drawn in the logarithm
+_WIDE = 10.0
+#: values of one parameter that are tried in a search for a way out of a local minimum
+_LINE = 48
+
+_Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Signature:
+    """How well one effect could explain what is left, before any joint fit.
+
+    Parameters
+    ----------
+    effect : Effect
+    objective : float
+        Lowest objective of the linear model.
+    starts : ndarray of shape (s, k)
+        Where joint fits should begin, in units of the scales.
+    problem : FitProblem
+        Of the extended simulator.
+    """
+
+    effect: Effect
+    objective: float
+    starts: _Array
+    problem: FitProblem
+
+
+def signature(
+    simulator: Simulator,
+    observations: Sequence[Observation],
+    effect: Effect,
+    points: Sequence[tuple[_Array, _Array]],
+    n_draws: int,
+    random_state: Any,
+    n_matches: int = 0,
+) -> Signature | None:
+    r"""Score an effect by variable projection: its own parameters are drawn, all others follow from the linear model.
+
+    For each draw p of the effect's parameters the model is simulated at some points u of the other parameters, and
+
+    .. math:: \min_\delta |z(u, p) + J\delta|^2 + |u + \delta|^2/s^2
+       = |z|^2 + |u|^2/s^2 - g^T (J^T J + I/s^2)^{-1} g,\quad g = J^T z + u/s^2                     \qquad (D2)
+
+    is what the joint fit can be expected to reach (Golub and Pereyra, Inverse Problems 19, 2003). Rounds of draws
+    around the best so far follow the first, over ever smaller parts of the ranges, because some effects have many local
+    minima (the frequency and phase of an oscillation).
+
+    Parameters
+    ----------
+    simulator : Simulator
+        Without the effect.
+    observations : sequence of Observation
+    effect : Effect
+    points : sequence of (ndarray of shape (k,), ndarray of shape (N, k))
+        Deviations u of the parameters of `simulator`, and the sensitivities there.
+    n_draws : int
+        In each round; in the first as many for each of `Effect.minima`.
+    n_matches : int
+        Simulations with all other parameters drawn as well, the best of which are starts of their own.
+    random_state : None, int, SeedSequence, Generator or RandomState
+
+    Returns
+    -------
+    Signature or None
+        None where no draw can be simulated.
+    """
+    problem = FitProblem(simulator.extend(effect), list(observations))
+    k = len(simulator.parameters)
+    d = len(problem.space) - k
+    unit = ParameterSpace(Parameter(f"p{i}", 0.5, 0.0, 1.0) for i in range(d))
+    rng = generator(random_state)
+    n_draws = min(n_draws, _DRAWS_PER_SQUARE * d**2)  # one or two parameters need fewer
+    found: list[tuple[float, _Array]] = []
+    for u, J in points:
+        shares = latin_hypercube(unit, n_draws * effect.minima, rng)
+        best: list[tuple[float, _Array, _Array]] = []
+        for spread in (*_SPREADS, None):
+            draws = spread_over(problem.space, k, shares, effect)
+            rows = np.hstack([np.tile(u, (len(draws), 1)), draws])
+            objective, steps = _projected(problem, rows, J, np.arange(k))
+            best += [(float(o), x, step) for o, x, step in zip(objective, shares, steps, strict=True)]
+            best.sort(key=lambda item: item[0])
+            del best[_ELITE:]
+            if spread is None:
+                break
+            parents = np.array([x for _, x, _ in best])[rng.integers(len(best), size=n_draws)]
+            shares = np.clip(parents + spread * rng.standard_normal(parents.shape), 0.0, 1.0)
+        lowest, x, step = best[0]
+        if np.isfinite(lowest):
+            own = spread_over(problem.space, k, x[None], effect)[0]
+            found.append((lowest, np.concatenate([u + step, own])))
+            found.append((lowest, np.concatenate([u, own])))
+    if not found:
+        return None
+    found.sort(key=lambda item: item[0])
+    starts = [start for _, start in found]
+    starts += _matches(problem, np.array([start[k:] for start in starts]), n_matches, rng)
+    return Signature(effect, found[0][0], np.array(starts), problem)
+
+
+def escapes(hypothesis: Hypothesis, problem: FitProblem) -> list[_Array]:
+    """Points from which a fit may reach a lower minimum, the most promising first.
+
+    One parameter of an effect at a time is moved through its range, and the others follow by the linear model, as in
+    (D2). What counts are timers, instants and frequencies: of these a fit finds the nearest minimum only.
+
+    Parameters
+    ----------
+    hypothesis : Hypothesis
+        Fitted.
+    problem : FitProblem
+        It was fitted to.
+
+    Returns
+    -------
+    list of ndarray of shape (k,)
+        Only those that promise less than the hypothesis has reached.
+    """
+    space, u = problem.space, hypothesis.u
+    own = {effect.local(p.name) for effect in hypothesis.effects for p in effect.parameters}
+    found: list[tuple[float, _Array]] = []
+    for j in (j for j, name in enumerate(problem.names) if name in own):
+        lines = spread_over(
+            space, 0, np.repeat((np.arange(_LINE) + 0.5)[:, None] / _LINE, len(space), axis=1)
+        )
+        rows = np.tile(u, (_LINE, 1))
+        rows[:, j] = lines[:, j]
+        others = np.flatnonzero(hypothesis.free & (np.arange(len(u)) != j))
+        objective, steps = _projected(problem, rows, hypothesis.jacobian[:, others], others)
+        best = int(np.argmin(objective))
+        if objective[best] < hypothesis.objective:
+            start = rows[best].copy()
+            start[others] += steps[best]
+            found.append((float(objective[best]), start))
+    return [start for _, start in sorted(found, key=lambda item: item[0])]
+
+
+def _projected(
+    problem: FitProblem, rows: _Array, J: _Array, columns: NDArray[np.int64]
+) -> tuple[_Array, _Array]:
+    """Objectives (n,) of (D2) at rows (n, k), and the steps of the columns that reach them; inf where it fails."""
+    z = problem.residuals(problem.values(rows))
+    failed = np.isnan(z).any(axis=1)
+    z[failed] = 0.0
+    g = z @ J + rows[:, columns] / PRIOR**2
+    steps = -cho_solve(cho_factor(J.T @ J + np.eye(len(columns)) / PRIOR**2), g.T).T
+    objective = (z**2).sum(axis=1) + ((rows / PRIOR) ** 2).sum(axis=1) + (g * steps).sum(axis=1)
+    objective[failed] = np.inf
+    return objective, steps
+
+
+def spread_over(space: ParameterSpace, first: int, shares: _Array, effect: Effect | None = None) -> _Array:
+    """Deviations of the parameters from number `first` on, at shares (n, d) of their ranges.
+
+    Ranges over more than a decade are divided evenly in the logarithm: time constants and rates are known by order of
+    magnitude. A range that begins at 0, or is symmetrical, begins at `Effect.smallest` where that is given.
+    """
+    lower, upper = space.bounds[first:].T
+    least = {} if effect is None else {effect.local(name): value for name, value in effect.smallest.items()}
+    small = np.array([least.get(name, 0.0) for name in space.names[first:]])
+    signed = (small > 0) & (lower < 0)
+    sign = np.where(signed & (shares < 0.5), -1.0, 1.0)
+    shares = np.where(signed, np.abs(2.0 * shares - 1.0), shares)
+    lower = np.where(small > 0, small, lower)
+    values = lower + (upper - lower) * shares
+    wide = (lower > 0) & (upper > _WIDE * lower)
+    values[:, wide] = lower[wide] * (upper[wide] / lower[wide]) ** shares[:, wide]
+    return np.asarray((sign * values - space.nominal[first:]) / space.scales[first:])
+
+
+def _matches(problem: FitProblem, own: _Array, n: int, rng: np.random.Generator) -> list[_Array]:
+    """Best two of n simulations with all other parameters drawn, and the effect's among those given."""
+    if not n:
+        return []
+    k = len(problem.space) - own.shape[1]
+    library = latin_hypercube(problem.space, n, rng)
+    u = (library - problem.space.nominal) / problem.space.scales
+    u[:, k:] = own[rng.integers(len(own), size=n)]
+    costs = problem.chi_square(problem.values(u)) + ((u / PRIOR) ** 2).sum(axis=1)
+    return list(u[np.argsort(costs, kind="stable")[:2]])  # NaN comes last

@@ -1,0 +1,109 @@
+r"""Terms that are added to a quantity v: a state equation, an input or an output. They depend on a signal s.
+
+.. math::
+
+    v &- d\,s                                                                                & (G0)\\
+    v &+ a\,s^2                                                                              & (G1)\\
+    v &+ a\,s^3                                                                              & (G2)\\
+    v &- a\,|s|\,s                                                                           & (G3)\\
+    v &- F\,\mathrm{sgn}_\varepsilon(s)                                                      & (G4)\\
+    v &- F\big(1 + r\,e^{-(s/s_0)^2}\big)\,\mathrm{sgn}_\varepsilon(s)                       & (G5)\\
+    v &+ b                                                                                   & (G6)\\
+    v &+ A \sin(2\pi f t + \varphi)                                                          & (G7)\\
+    v &- F z,\quad \dot z = \frac{s}{y}\Big(1 - \tfrac12\big(1 + \mathrm{sgn}(s z)\big)\,|z|^2\Big)   & (G8)\\
+    v &- k \max(s - c, 0)                                                                    & (G9)
+
+Linear resistance or viscous friction (G0), quadratic (G1) and cubic (G2) term, quadratic resistance or drag (G3;
+Batchelor, *An Introduction to Fluid Dynamics*, section 5.11), Coulomb (G4) and Stribeck friction (G5;
+Armstrong-Hélouvry, Dupont, Canudas de Wit, Automatica 30, 1994), constant offset (G6), periodic forcing (G7),
+hysteresis of Bouc and Wen with :math:`\beta = \gamma = \tfrac12`, n = 2 (G8; Ismail, Ikhouane, Rodellar, Arch. Comput.
+Methods Eng. 16, 2009), overflow above a brim at c (G9).
+
+Friction that changes sign at once cannot be integrated with a fixed step, so
+
+.. math:: \mathrm{sgn}_\varepsilon(s) = \tanh(s/\varepsilon),\quad
+   \varepsilon = \max(10^{-4} S,\; 0.6\,F h)                                                        \qquad (G10)
+
+with the size S of the signal and the step h: :math:`h F/\varepsilon` is then at most 1.7, inside the stability region
+of the integrator (2.8), and the term becomes exact as the step goes to zero. At rest the model creeps by a part of ε.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from numba.extending import register_jitable
+
+
+@register_jitable
+def viscous(v: Any, s: Any, d: Any) -> Any:
+    """Linear resistance, (G0)."""
+    return v - d * s
+
+
+@register_jitable
+def quadratic(v: Any, s: Any, a: Any) -> Any:
+    """Quadratic term, (G1)."""
+    return v + a * s * s
+
+
+@register_jitable
+def cubic(v: Any, s: Any, a: Any) -> Any:
+    """Cubic term, (G2)."""
+    return v + a * s * s * s
+
+
+@register_jitable
+def drag(v: Any, s: Any, a: Any) -> Any:
+    """Quadratic resistance, (G3)."""
+    return v - a * abs(s) * s
+
+
+@register_jitable
+def sign(s: Any, F: Any, size: Any, h: Any) -> Any:
+    """Sign that a fixed step can integrate, (G10)."""
+    return math.tanh(s / max(1e-4 * size, 0.6 * abs(F) * h))
+
+
+@register_jitable
+def coulomb(v: Any, s: Any, F: Any, size: Any, h: Any) -> Any:
+    """Coulomb friction, (G4)."""
+    return v - F * sign(s, F, size, h)
+
+
+@register_jitable
+def stribeck(v: Any, s: Any, F: Any, r: Any, s0: Any, size: Any, h: Any) -> Any:
+    """Stribeck friction, (G5)."""
+    return v - F * (1.0 + r * math.exp(-((s / s0) ** 2))) * sign(s, F * (1.0 + r), size, h)
+
+
+@register_jitable
+def offset(v: Any, b: Any) -> Any:
+    """Constant offset, (G6)."""
+    return v + b
+
+
+@register_jitable
+def forcing(v: Any, t: Any, A: Any, f: Any, phi: Any) -> Any:
+    """Periodic forcing, (G7)."""
+    return v + A * math.sin(2.0 * math.pi * f * t + phi)
+
+
+@register_jitable
+def hysteresis(v: Any, z: Any, F: Any) -> Any:
+    """Restoring force of Bouc and Wen, (G8)."""
+    return v - F * z
+
+
+@register_jitable
+def hysteresis_slope(s: Any, z: Any, y: Any) -> Any:
+    """Derivative of the hysteretic variable, (G8)."""
+    loading = 1.0 if s * z > 0.0 else 0.0
+    return s / y * (1.0 - loading * z * z)
+
+
+@register_jitable
+def spill(s: Any, k: Any, c: Any) -> Any:
+    """What flows over the brim, (G9)."""
+    return k * max(s - c, 0.0)

@@ -1,0 +1,355 @@
+r"""Integrates a user's model with generic effects: the method of Runge and Kutta, and an interpreter of the table.
+
+The user's functions are called through pointers, so that this module is compiled once, whatever the model and whatever
+effects are tried: an effect is a row of a table (`ROW`), and which rows act is data.
+
+At the beginning of each step what has a memory (lag, delay, rate limit, backlash, timers) is brought up to date with
+the values there; inside the step it is read, not changed (but for a relay that drops out). So all four stages see the
+same model.
+
+The functions are ordinary Python: compiled for models that numba can compile, run as they are for others.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+import sys
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numba import types
+from numba.extending import register_jitable
+from numpy.typing import NDArray
+
+from errorscreen.effects.generic import base, terms, transforms
+from errorscreen.effects.generic.base import NUMBERS, PLACES
+from errorscreen.effects.latent_input import KNOTS
+from errorscreen.engine.codegen import fingerprint_of, load_generated
+
+#: columns of the table: template, place, number of the target, of the signal that is read (-1: the quantity itself;
+#: states come first, then inputs and internal signals), of the state that receives a spill (-1: none), of the effect's
+#: own state (-1: none), and of its first parameter
+ROW = ("template", "place", "target", "reads", "into", "state", "first")
+#: constants of each row: size of the signal; begin of the event and rate of the clock, for unknown signals
+ROW_CONSTANTS = ("size", "begin", "rate")
+#: what a row remembers: output and input (of a relay: whether it has dropped out) at the beginning of the step, timer,
+#: distance from a threshold
+MEMORIES = 4
+
+EQUATION, INPUT, SIGNAL, OUTPUT = (PLACES.index(name) for name in ("equation", "input", "signal", "output"))
+VISCOUS, QUADRATIC, CUBIC, DRAG = NUMBERS["viscous"], NUMBERS["quadratic"], NUMBERS["cubic"], NUMBERS["drag"]
+COULOMB, STRIBECK, OFFSET = NUMBERS["coulomb"], NUMBERS["stribeck"], NUMBERS["offset"]
+FORCING, HYSTERESIS, OVERFLOW = NUMBERS["forcing"], NUMBERS["hysteresis"], NUMBERS["overflow"]
+DEAD_BAND, SATURATION, RATE_LIMIT = NUMBERS["dead_band"], NUMBERS["saturation"], NUMBERS["rate_limit"]
+LAG, DELAY, BACKLASH = NUMBERS["lag"], NUMBERS["delay"], NUMBERS["backlash"]
+RELAY_ABOVE, LATENT = NUMBERS["relay_above"], NUMBERS["latent"]
+
+_VECTOR = types.float64[::1]
+#: of the user's functions: ``rhs(t, x, u, p, dx)``, ``law(t, x, u, p, v)``, ``readout(t, x, u, p, y)``
+USER = types.void(types.float64, _VECTOR, _VECTOR, _VECTOR, _VECTOR)
+_FUNCTION = types.FunctionType(USER)
+_MATRIX, _CUBE, _TABLE = types.float64[:, ::1], types.float64[:, :, ::1], types.int64[:, ::1]
+
+
+@register_jitable(forceinline=True)
+def _hats(t: Any, begin: Any, rate: Any, q: Any, i: Any, first: Any) -> Any:
+    """Unknown signal, (I1), with its knots from `first` on."""
+    s = math.sqrt(max((t - begin) * rate, 0.0))
+    j = int(s)
+    if j > KNOTS:
+        return 0.0
+    left = q[i, first + j - 1] if j >= 1 else 0.0
+    right = q[i, first + j] if j < KNOTS else 0.0
+    return left + (s - j) * (right - left)
+
+
+@register_jitable(forceinline=True)
+def _late(v: Any, d: Any, h: Any, k: Any, tau: Any, history: Any, r: Any) -> Any:
+    """Value d seconds ago, (G15); what was before the record began is the first value."""
+    position = k + (tau - d) / h
+    if position <= 0.0:
+        return history[r, 0]
+    i = int(position)
+    if i + 1 <= k:
+        return history[r, i] + (position - i) * (history[r, i + 1] - history[r, i])
+    if tau <= 0.0:
+        return v
+    return history[r, k] + (position - k) * h / tau * (v - history[r, k])
+
+
+@register_jitable(forceinline=True)
+def _act(
+    r: Any, table: Any, owns: Any, q: Any, i: Any, v: Any, s: Any, t: Any, tau: Any, h: Any, k: Any, begin: Any,
+    memory: Any, history: Any, z: Any,
+) -> Any:  # fmt: skip
+    """Quantity v as effect r leaves it, tau seconds after step k began; `begin`: bring the memory up to date."""
+    kind, first = table[r, 0], table[r, 6]
+    a = q[i, first]
+    if kind == VISCOUS:
+        return terms.viscous(v, s, a)
+    if kind == QUADRATIC:
+        return terms.quadratic(v, s, a)
+    if kind == CUBIC:
+        return terms.cubic(v, s, a)
+    if kind == DRAG:
+        return terms.drag(v, s, a)
+    if kind == COULOMB:
+        return terms.coulomb(v, s, a, owns[r, 0], h)
+    if kind == STRIBECK:
+        return terms.stribeck(v, s, a, q[i, first + 1], q[i, first + 2], owns[r, 0], h)
+    if kind == OFFSET:
+        return terms.offset(v, a)
+    if kind == FORCING:
+        return terms.forcing(v, t, a, q[i, first + 1], q[i, first + 2])
+    if kind == HYSTERESIS:
+        return terms.hysteresis(v, z, a)
+    if kind == OVERFLOW:
+        return v - terms.spill(s, a, q[i, first + 1])
+    if kind == DEAD_BAND:
+        return transforms.dead_band(v, a, q[i, first + 1])
+    if kind == SATURATION:
+        return transforms.saturation(v, a, q[i, first + 1], q[i, first + 2])
+    if kind == LATENT:
+        return v + a * _hats(t, owns[r, 1], owns[r, 2], q, i, first + 1)
+    return _remembered(r, table, q, i, v, s, tau, h, k, begin, memory, history)
+
+
+@register_jitable(forceinline=True)
+def _remembered(
+    r: Any, table: Any, q: Any, i: Any, v: Any, s: Any, tau: Any, h: Any, k: Any, begin: Any, memory: Any,
+    history: Any,
+) -> Any:  # fmt: skip
+    """The same for effects with a memory; before the record all has been at rest."""
+    kind, first = table[r, 0], table[r, 6]
+    a = q[i, first]
+    start = begin and k == 0
+    if start:
+        memory[r, 0], memory[r, 1], memory[r, 2], memory[r, 3] = v, v, 0.0, 0.0
+        if kind >= RELAY_ABOVE:
+            memory[r, 1] = 0.0
+    if kind == DELAY:
+        if begin:
+            history[r, k] = v
+        return _late(v, a, h, k, 0.0 if begin else tau, history, r)
+    if kind >= RELAY_ABOVE:
+        distance = s - q[i, first + 1] if kind == RELAY_ABOVE else q[i, first + 1] - s
+        # one instant inside is enough to drop out, also between the beginnings of two steps: memory[r, 1] notes it
+        before, timer = memory[r, 3], memory[r, 2]
+        if memory[r, 1] > 0.0:
+            before, timer = -abs(distance), 0.0  # half a step ago, on average
+        timer = 0.0 if start else transforms.time_beyond(distance, before, timer, tau)
+        if begin:
+            memory[r, 1], memory[r, 2], memory[r, 3] = 0.0, timer, distance
+        elif distance <= 0.0:
+            memory[r, 1] = 1.0
+        elif memory[r, 1] > 0.0:
+            timer = 0.0
+        return transforms.relay(v, timer, a, q[i, first + 2], h)
+    if kind == RATE_LIMIT:
+        w = v if start else transforms.rate_limit(v, memory[r, 0], tau, a)
+    elif kind == LAG:
+        w = v if start else transforms.lag(v, memory[r, 0], memory[r, 1], tau, a)
+    else:
+        w = transforms.backlash(v, memory[r, 0], a)
+    if begin:
+        memory[r, 0], memory[r, 1] = w, v
+    return w
+
+
+@register_jitable(forceinline=True)
+def _apply(
+    place: Any, values: Any, offset: Any, x: Any, u: Any, t: Any, tau: Any, h: Any, k: Any, begin: Any,
+    n_states: Any, table: Any, owns: Any, q: Any, i: Any, memory: Any, history: Any, dx: Any,
+) -> Any:  # fmt: skip
+    """Let all effects at one kind of place act on its values (from `offset` on), one after the other."""
+    for r in range(table.shape[0]):
+        first = table[r, 6]
+        if table[r, 1] != place or q[i, first] == 0.0:
+            continue
+        target, reads, own = offset + table[r, 2], table[r, 3], table[r, 5]
+        v = values[target]
+        s = v
+        if reads >= n_states:
+            s = u[reads - n_states]
+        elif reads >= 0:
+            s = x[reads]
+        z = 0.0
+        if own >= 0:
+            z = x[own]
+            dx[own] = terms.hysteresis_slope(s, z, q[i, first + 1])
+        values[target] = _act(r, table, owns, q, i, v, s, t, tau, h, k, begin, memory, history, z)
+        if table[r, 4] >= 0:
+            dx[table[r, 4]] += q[i, first + 2] * terms.spill(s, q[i, first], q[i, first + 1])
+
+
+@register_jitable(forceinline=True)
+def _evaluate(
+    rhs: Any, law: Any, t: Any, tau: Any, h: Any, k: Any, stage: Any, x: Any, inputs: Any, n_signals: Any,
+    n_states: Any, p: Any, table: Any, owns: Any, q: Any, i: Any, memory: Any, history: Any, u: Any, dx: Any,
+    active: Any,
+) -> Any:  # fmt: skip
+    """Derivatives at the beginning of step k (stage 0), in its middle (1) or at its end (2), with all effects."""
+    n, begin = inputs.shape[2], stage == 0
+    for j in range(n):
+        u[j] = inputs[k, stage, j]
+    for j in range(n_states, dx.shape[0]):
+        dx[j] = 0.0
+    if active[INPUT]:
+        _apply(INPUT, u, 0, x, u, t, tau, h, k, begin, n_states, table, owns, q, i, memory, history, dx)
+    if n_signals > 0:
+        law(t, x, u, p, u[n:])
+        if active[SIGNAL]:
+            _apply(SIGNAL, u, n, x, u, t, tau, h, k, begin, n_states, table, owns, q, i, memory, history, dx)
+    rhs(t, x, u, p, dx)
+    if active[EQUATION]:
+        _apply(EQUATION, dx, 0, x, u, t, tau, h, k, begin, n_states, table, owns, q, i, memory, history, dx)
+
+
+def integrate(
+    rhs: Any, law: Any, readout: Any, x0: Any, p: Any, q: Any, inputs: Any, n_signals: Any, n_states: Any,
+    table: Any, owns: Any, t0: Any, h: Any, every: Any, out: Any, vectors: Any, memory: Any, history: Any,
+    active: Any, first: Any, last: Any,
+) -> Any:  # fmt: skip
+    """Integrate simulations `first` to `last` and record their outputs.
+
+    Parameters
+    ----------
+    rhs, law, readout : callable
+        The user's functions, see `USER`.
+    x0 : ndarray of shape (n, nx + extra)
+        Initial states, those of effects behind the model's own.
+    p : ndarray of shape (n, m)
+        Parameters and constants of the model.
+    q : ndarray of shape (n, l)
+        Parameters of the effects.
+    inputs : ndarray of shape (K + 1, 3, nu)
+        Measured inputs at the beginning, in the middle and at the end of each step.
+    n_signals, n_states : int
+        Internal signals, and the model's own states.
+    table, owns : ndarray of shape (rows, 7), int, and (rows, 3)
+        See `ROW` and `ROW_CONSTANTS`.
+    t0, h : float
+        First instant and step in seconds.
+    every : int
+        Outputs are recorded at each `every`-th step.
+    out : ndarray of shape (n, R, K // every + 1)
+        Written; what follows a value that is not finite is left as it is.
+    vectors, memory, history, active : ndarray
+        Room to work in, see `room`; nothing is allocated here, because counting references would take most of the time.
+    first, last : int
+    """
+    steps, nx, n_outputs = inputs.shape[0], x0.shape[1], out.shape[1]
+    rows = table.shape[0]
+    x, w, f, g = vectors[0, :nx], vectors[1, :nx], vectors[2, :nx], vectors[3, :nx]
+    u, y = vectors[4, : inputs.shape[2] + n_signals], vectors[5, :n_outputs]
+    for i in range(first, last):
+        for j in range(nx):
+            x[j] = x0[i, j]
+            f[j] = 0.0
+        own = p[i]
+        for place in range(active.shape[0]):
+            active[place] = False
+        for r in range(rows):  # at strength 0 nothing is done at all
+            if q[i, table[r, 6]] != 0.0:
+                active[table[r, 1]] = True
+        for k in range(steps):
+            t = t0 + k * h
+            for stage in range(4):
+                late = 0.5 * ((stage + 1) // 2)  # 0, 1/2, 1/2, 1 of the step
+                for j in range(nx):
+                    w[j] = x[j] + late * h * f[j]
+                _evaluate(
+                    rhs, law, t + late * h, late * h if stage else h, h, k, (stage + 1) // 2, w, inputs,
+                    n_signals, n_states, own, table, owns, q, i, memory, history, u, f, active,
+                )  # fmt: skip
+                if stage == 0:
+                    if k % every == 0:
+                        readout(t, x, u, own, y)
+                        if active[OUTPUT]:
+                            _apply(
+                                OUTPUT, y, 0, x, u, t, every * h, every * h, k // every, True, n_states, table,
+                                owns, q, i, memory, history, g,
+                            )  # fmt: skip
+                        for j in range(y.shape[0]):
+                            out[i, j, k // every] = y[j]
+                    if k + 1 == steps:
+                        break
+                for j in range(nx):
+                    if stage == 0:
+                        g[j] = f[j]
+                    elif stage < 3:
+                        g[j] += 2.0 * f[j]
+                    else:
+                        g[j] += f[j]
+            if k + 1 == steps:
+                break
+            total = 0.0
+            for j in range(nx):
+                x[j] += h / 6.0 * g[j]
+                total += x[j]
+            if not math.isfinite(total):
+                break
+
+
+def room(
+    n_states: int, n_inputs: int, n_outputs: int, table: NDArray[np.int64], steps: int
+) -> tuple[NDArray[Any], ...]:
+    """Arrays for `integrate` to work in, one set for each thread: vectors, memories, past values and flags.
+
+    Parameters
+    ----------
+    n_states, n_inputs, n_outputs : int
+        With states of effects, and with internal signals.
+    table : ndarray of shape (rows, 7), int
+    steps : int
+        Number of steps K.
+    """
+    rows = max(len(table), 1)
+    past = steps + 1 if (table[:, 0] == DELAY).any() else 1
+    return (
+        np.zeros((6, max(n_states, n_inputs, n_outputs, 1))),
+        np.zeros((rows, MEMORIES)),
+        np.zeros((rows, past)),
+        np.zeros(len(PLACES), dtype=np.bool_),
+    )
+
+
+#: of `integrate` with compiled functions of the user
+SIGNATURE = types.void(
+    _FUNCTION, _FUNCTION, _FUNCTION, _MATRIX, _MATRIX, _MATRIX, _CUBE, types.int64, types.int64, _TABLE, _MATRIX,
+    types.float64, types.float64, types.int64, _CUBE, _MATRIX, _MATRIX, _MATRIX, types.boolean[::1], types.int64,
+    types.int64,
+)  # fmt: skip
+
+_TEMPLATE = '''\
+"""Generated by errorscreen.simulators.ode_kernel: wiring only, so that numba finds machine code again."""
+
+import numba
+from numba.extending import register_jitable
+
+from errorscreen.simulators import ode_kernel
+
+body = register_jitable(ode_kernel.integrate)
+
+
+@numba.njit(ode_kernel.SIGNATURE, cache=True, nogil=True, error_model="numpy", _nrt=False)
+def integrate({arguments}):
+    body({arguments})
+'''
+
+
+@lru_cache
+def compiled() -> Any:
+    """`integrate` as machine code, without counting references; compiled at its first use on a machine."""
+    text = _TEMPLATE.format(arguments=", ".join(inspect.signature(integrate).parameters))
+    modules = (
+        sys.modules[__name__],
+        terms,
+        transforms,
+        base,
+        sys.modules["errorscreen.effects.latent_input"],
+    )
+    name = f"ode_{fingerprint_of(modules, text)}"
+    return load_generated(name, text).integrate

@@ -1,0 +1,117 @@
+"""The functions of a user's model, checked once and compiled; run as Python where they cannot be compiled."""
+
+from __future__ import annotations
+
+import inspect
+import warnings
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from errorscreen.exceptions import EngineWarning, InputError
+
+Function = Callable[..., Any]
+_ARGUMENTS = {"rhs": "(t, x, u, p, dx)", "law": "(t, x, u, p, v)", "readout": "(t, x, u, p, y)"}
+
+_Array = NDArray[np.float64]
+
+
+def nothing(t: Any, x: Any, u: Any, p: Any, v: Any) -> None:
+    """Stand for a function that a model does not have."""
+
+
+@lru_cache
+def selection(rows: tuple[int, ...], n_states: int) -> Function:
+    """Readout of some states, inputs and internal signals, counted through in this order."""
+    index = np.array(rows, dtype=np.int64)
+
+    def readout(t: Any, x: Any, u: Any, p: Any, y: Any) -> None:
+        for j in range(index.shape[0]):
+            i = index[j]
+            y[j] = x[i] if i < n_states else u[i - n_states]
+
+    return readout
+
+
+def evaluate_once(
+    kind: str, function: Function, names: Sequence[str], t: float, x: _Array, u: _Array, p: _Array
+) -> _Array:
+    """Values of a function as Python, which tells of mistakes that machine code does not.
+
+    Raises
+    ------
+    InputError
+        If it raises, reads or writes beyond the arrays, or leaves a value unset.
+    """
+    if not callable(function):
+        raise InputError(
+            f"{kind} is a {type(function).__name__}", allowed=f"a function {kind}{_ARGUMENTS[kind]}"
+        )
+    if len(inspect.signature(function).parameters) != 5:
+        raise InputError(
+            f"{kind} takes {len(inspect.signature(function).parameters)} arguments",
+            allowed=f"{kind}{_ARGUMENTS[kind]}",
+        )
+    out = np.full(len(names), np.nan)
+    arrays = [x.copy(), u.copy(), p.copy()]
+    try:
+        with np.errstate(all="ignore"):
+            function(t, *arrays, out)
+    except Exception as error:
+        raise InputError(
+            f"{kind} fails at the nominal parameters and the initial state: {type(error).__name__}: {error}",
+            allowed=f"{kind}{_ARGUMENTS[kind]} with {len(x)} states, {len(u)} inputs and internal signals, {len(p)} "
+            "parameters and constants",
+        ) from error
+    for name, before, after in zip("xup", (x, u, p), arrays, strict=True):
+        if not np.array_equal(before, after, equal_nan=True):
+            raise InputError(
+                f"{kind} changes {name}", allowed=f"it writes {_ARGUMENTS[kind][-3:-1].strip()} only"
+            )
+    missing = [name for name, value in zip(names, out, strict=True) if not np.isfinite(value)]
+    if missing:
+        raise InputError(
+            f"{kind} leaves {', '.join(missing)} unset or not finite at the nominal parameters and the initial state",
+            remedy="Write every element, and check the nominal values",
+        )
+    return out
+
+
+@lru_cache
+def _machine_code(function: Function) -> Any:
+    """Pointer to a compiled function."""
+    import numba
+
+    from errorscreen.simulators.ode_kernel import USER
+
+    return numba.cfunc(USER, error_model="numpy")(function)
+
+
+def compile_all(functions: Sequence[Function]) -> tuple[bool, list[Any]]:
+    """Machine code of the functions, and whether there is any; the functions themselves where numba cannot.
+
+    Warns
+    -----
+    EngineWarning
+        With the reason.
+    """
+    compiled = []
+    for function in functions:
+        try:
+            # a user's function is compiled anew each time, because what it refers to may have changed
+            own = function is nothing or function.__module__ == __name__
+            compiled.append((_machine_code if own else _machine_code.__wrapped__)(function))
+        except Exception as error:  # numba raises many kinds, also of its own and its compiler's
+            reason = next((line for line in str(error).splitlines() if line.strip()), type(error).__name__)
+            detail = [line.strip() for line in str(error).splitlines() if line.strip()][-1:]
+            warnings.warn(
+                f"{getattr(function, '__name__', 'a function')} of the model cannot be compiled and runs as Python, "
+                f"about a hundred times slower: {reason} {' '.join(detail)}".rstrip(),
+                EngineWarning,
+                stacklevel=3,
+            )
+            return False, list(functions)
+    return True, compiled
