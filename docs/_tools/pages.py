@@ -13,6 +13,7 @@ from errorscreen.bench.speed import dip_event
 from errorscreen.cases import case_reference, ieee39_events, load_ieee39
 from errorscreen.cli import main
 from errorscreen.effects import FAULT_DURATION, FAULT_IMPEDANCE, LIBRARY, branch_trip, measurement_effects
+from errorscreen.effects.generic.library import TEXTS
 from errorscreen.events import Playback
 from errorscreen.io.units import UNITS
 from errorscreen.plotting import plot_signature
@@ -32,6 +33,8 @@ MEASURED = {
     "grid_search": "python benchmarks/grid_search.py",
     "discovery": "errorscreen bench discovery --case plant --scenarios 60 --seed 37",
     "first_look": "python benchmarks/first_look.py",
+    "traps": "errorscreen bench discovery --case traps --scenarios 150 --seed 12",
+    "measured_systems": "python benchmarks/measured_systems.py DATA",
     "learning_curve": "python benchmarks/learning_curve.py",
 }
 PAPER_FIGURES = (
@@ -50,6 +53,7 @@ def write_all(folder):
     texts |= {
         "steps.md": step_errors(),
         "effects.md": effect_table(folder),
+        "generic_effects.md": generic_table(),
         "case_keys.md": case_reference(),
         "commands.md": commands(),
         "units.md": unit_table(),
@@ -205,6 +209,16 @@ def effect_table(folder):
             f"![What {effect.name} changes](../_generated/effect-{effect.name}.png)\n",
         ]
     return "\n".join(text)
+
+
+def generic_table():
+    """Templates of generic effects."""
+    rows = []
+    for name, (title, formula, source, description, confused) in TEXTS.items():
+        words = {"s": "s", "v": "v", "into": ""}
+        others = "; ".join(confused).format(**words)
+        rows.append((f"`{name}`", title, f"`{formula}`", description.format(**words), others, source))
+    return table(("template", "", "equation", "what it means", "confused with", "source"), rows)
 
 
 def commands():

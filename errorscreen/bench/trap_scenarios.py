@@ -171,7 +171,7 @@ def _brim(into: bool, sensor: bool = False) -> Callable[[np.random.Generator], A
             return (brim, 0.0), (1.0, -0.5, brim)
         share = float(rng.uniform(0.6, 1.0)) if into else 0.0
         # a spill at once is the steepest that the library allows
-        k = 0.45 * _STEPS / 0.25
+        k = 1.9 * _STEPS / 0.25
         return (brim, share), (k, brim, share) if into else (k, brim)
 
     return draw
@@ -226,7 +226,7 @@ TRAPS: dict[str, Trap] = {
         lambda rng: steps(rng, 0.0, 2.0, 20, 80),
         (
             Hidden("supply.relay_above(level)", _same((0.5, 1.0), (1.5, 2.5), (0.3, 2.0))),
-            Hidden("supply.relay_below(level)", _same((0.5, 1.0), (1.0, 2.0), (0.3, 2.0))),
+            Hidden("supply.relay_above(supply)", _same((0.5, 1.0), (0.8, 1.8), (0.3, 2.0))),
         ),
     ),
 }  # fmt: skip

@@ -151,16 +151,16 @@ def relay(u: Any, dt: Any, a: Any, b: Any, kind: Any, share: Any, threshold: Any
     dt, a, b : float
         Seconds between samples, gain, and leakage.
     kind : int
-        0 none, 1 the relay acts above the threshold, 2 below it.
+        0 none, 1 the relay watches the level, 2 the supply.
     share, threshold, timer : float
-        What it takes away, at which level, and after how many seconds.
+        What it takes away, above which value, and after how many seconds.
     """
     out, h = np.empty(u.size), dt / FINE
     x, beyond = 0.0, 0.0
     for k in range(u.size):
         out[k] = x
         for _ in range(FINE):
-            outside = (kind == 1 and x > threshold) or (kind == 2 and x < threshold)
+            outside = (kind == 1 and x > threshold) or (kind == 2 and u[k] > threshold)
             beyond = beyond + h if outside else 0.0
             supply = u[k] * (1.0 - share) if beyond >= timer and kind > 0 else u[k]
             slope = a * supply - b * x

@@ -19,6 +19,8 @@ _MARGIN = 10.0
 _FORM = 0.02
 #: two effects together have so much freedom that they also make up for a form that is wrong: they must leave less
 _FORM_OF_TWO = 0.003
+#: hypotheses whose χ² differ by less than this predict the same
+_SAME = 1.0
 #: half width of intervals for 90 % in standard deviations
 _WIDTH = 1.645
 
@@ -75,6 +77,8 @@ class Group:
 def rank_causes(found: Competition) -> list[Cause]:
     """Causes and "unknown", the most probable first; their probabilities sum to 1.
 
+    "Unknown" comes first only if it is more probable than the first cause and all others that predict the same.
+
     Hypotheses that leave only noise are compared by their evidence. Where there is none, what explains nearly all of
     what parameters leave counts as being of the right kind, in another form than the library's.
 
@@ -82,10 +86,16 @@ def rank_causes(found: Competition) -> list[Cause]:
     ----------
     found : Competition
     """
-    causes = _exact(found) or _of_a_kind(found)
+    causes = sorted(_exact(found) or _of_a_kind(found), key=lambda c: -c.probability)
     unknown = 1.0 - sum(c.probability for c in causes)
-    causes.append(Cause("unknown", "Unknown", "unknown", unknown, "", {}, 0.0, False))
-    return sorted(causes, key=lambda c: -c.probability)
+    # two names for the same thing share a probability, but what they stand for has all of it
+    chi2 = {h.name: h.chi2 for h in found.hypotheses}
+    same = [c.probability for c in causes if abs(chi2[c.name] - chi2[causes[0].name]) < _SAME]
+    place = len([c for c in causes if c.probability >= unknown])
+    if causes and sum(same) >= unknown:
+        place = max(place, 1)
+    causes.insert(place, Cause("unknown", "Unknown", "unknown", unknown, "", {}, 0.0, False))
+    return causes
 
 
 def _exact(found: Competition) -> list[Cause]:

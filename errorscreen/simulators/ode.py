@@ -40,6 +40,8 @@ from errorscreen.simulators.user_functions import (
     selection,
 )
 
+#: a response beyond this is that of an unstable model, whatever its unit
+_PLAUSIBLE = 1e12
 #: simulations that one thread takes at a time
 _SHARE = 16
 #: share of a record that was not fitted from which its initial state is estimated
@@ -299,7 +301,8 @@ class ODESimulator(Simulator):
             values = dict(zip(self.parameters.names, theta.T, strict=True))
             with np.errstate(all="ignore"):
                 out = measured(out, self.channels, errors, values, h)[..., ::every]
-        well = np.isfinite(out).all(axis=(1, 2))
+        with np.errstate(invalid="ignore"):
+            well = (np.abs(out) < _PLAUSIBLE).all(axis=(1, 2))
         out[~well] = np.nan
         status = np.where(well, Status.OK, Status.DIVERGED)
         return Responses(out, status.astype(np.int64), event.time, self.channels)

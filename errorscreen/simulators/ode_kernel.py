@@ -86,7 +86,7 @@ def _act(
 ) -> Any:  # fmt: skip
     """Quantity v as effect r leaves it, tau seconds after step k began; `begin`: bring the memory up to date."""
     kind, first = table[r, 0], table[r, 6]
-    a = q[i, first]
+    a, own = q[i, first], table[r, 1] == EQUATION and table[r, 3] == table[r, 2]
     if kind == VISCOUS:
         return terms.viscous(v, s, a)
     if kind == QUADRATIC:
@@ -96,9 +96,9 @@ def _act(
     if kind == DRAG:
         return terms.drag(v, s, a)
     if kind == COULOMB:
-        return terms.coulomb(v, s, a, owns[r, 0], h)
+        return terms.coulomb(v, s, a, owns[r, 0], h, own)
     if kind == STRIBECK:
-        return terms.stribeck(v, s, a, q[i, first + 1], q[i, first + 2], owns[r, 0], h)
+        return terms.stribeck(v, s, a, q[i, first + 1], q[i, first + 2], owns[r, 0], h, own)
     if kind == OFFSET:
         return terms.offset(v, a)
     if kind == FORCING:

@@ -10,8 +10,9 @@ from errorscreen.effects import EXCITER, GOVERNOR, measurement_effects
 SCALE_P = next(e for e in measurement_effects(["P"]) if e.name == "scale_P")
 
 
-def hypothesis(*effects):
+def hypothesis(effects, excess):
     return SimpleNamespace(
+        chi2=1000.0 + excess,
         name=" + ".join(e.name for e in effects) or "parameters",
         effects=effects,
         chi2_per_sample=2.0,
@@ -21,7 +22,7 @@ def hypothesis(*effects):
 
 def competition(*entries, significance=0.002):
     """A competition of (effects, excess, p-value, score), the first without effects."""
-    found = [hypothesis(*effects) for effects, *_ in entries]
+    found = [hypothesis(effects, excess) for effects, excess, *_ in entries]
     adequate = [h for h, entry in zip(found, entries, strict=True) if entry[2] > significance]
     scores = {h.name: entry[3] for h, entry in zip(found, entries, strict=True)}
     return SimpleNamespace(
@@ -108,3 +109,17 @@ def test_two_effects_that_leave_hardly_anything_are_named():
         )
     )
     assert (first.name, first.exact, other.name) == ("exciter + governor", False, "unknown")
+
+
+@pytest.mark.parametrize(("other", "name"), [(10.2, "exciter"), (14.0, "unknown")])
+def test_unknown_is_compared_with_all_that_predicts_the_same(other, name):
+    # each of the two is less probable than "unknown", because what they leave just passes for noise
+    causes = rank_causes(
+        competition(
+            ((), 1000.0, 0.001, -500.0),
+            ((EXCITER,), 10.0, 0.0035, -20.0),
+            ((GOVERNOR,), other, 0.0035, -20.1),
+        )
+    )
+    assert causes[0].name == name
+    assert max(causes, key=lambda c: c.probability).name == "unknown"

@@ -59,7 +59,7 @@ class GenericEffect(Effect):
     into : str
         Of an overflow: state whose equation receives what spills; empty: it is lost.
     size : float
-        Size of the signal that it depends on, for (G10).
+        Size of the signal that it depends on, for (G18).
     """
 
     template: str = ""

@@ -14,8 +14,8 @@ from errorscreen.exceptions import unknown_name
 from errorscreen.parameters import Parameter
 
 _FRICTION = "Armstrong-Hélouvry, Dupont, Canudas de Wit, Automatica 30, 1994"
-#: title, formula, source, description and what each template is confused with
-_TEXTS: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
+#: title, formula, source, description and what each template is confused with; s is what it depends on, v its quantity
+TEXTS: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
     "viscous": (
         "Linear drag or viscous friction", "− d s", "Stokes; Batchelor, An Introduction to Fluid Dynamics, section 4.9",
         "A resistance grows in proportion to {s} and opposes it.", ("quadratic drag", "Coulomb friction"),
@@ -180,10 +180,10 @@ def generic_effects(anatomy: Anatomy, templates: Iterable[str] | None = None) ->
     InputError
         If a template is unknown.
     """
-    chosen = list(_TEXTS) if templates is None else list(templates)
+    chosen = list(TEXTS) if templates is None else list(templates)
     for name in chosen:
-        if name not in _TEXTS:
-            raise unknown_name(name, _TEXTS, kind="template")
+        if name not in TEXTS:
+            raise unknown_name(name, TEXTS, kind="template")
     found = [e for e in (*_structural(anatomy), *_measured(anatomy)) if e.template in chosen]
     errors: list[Effect] = []
     for name in _moving(anatomy, anatomy.outputs):
@@ -257,7 +257,7 @@ def _effect(
     anatomy: Anatomy, template: str, kind: str, target: str, reads: str = "", into: str = ""
 ) -> GenericEffect:
     """One template at one place."""
-    title, formula, source, description, confused = _TEXTS[template]
+    title, formula, source, description, confused = TEXTS[template]
     signal = reads or target
     where = {
         "equation": f"in the equation of {target}",
@@ -349,7 +349,7 @@ def _parameters(
                 value("y", 0.1 * way, 0.003 * way, way, "", of, "y", "distance over which it rises"),
             ]
         case "overflow":
-            most = 0.5 / anatomy.step
+            most = 2.0 / anatomy.step  # inside the stability region of the integrator, 2.8
             made = [
                 strength("k", 0.3 * most, most, "1/s", of, "k", "how fast it flows away; 0: none"),
                 value(

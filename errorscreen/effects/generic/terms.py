@@ -6,8 +6,8 @@ r"""Terms that are added to a quantity v: a state equation, an input or an outpu
     v &+ a\,s^2                                                                              & (G1)\\
     v &+ a\,s^3                                                                              & (G2)\\
     v &- a\,|s|\,s                                                                           & (G3)\\
-    v &- F\,\mathrm{sgn}_\varepsilon(s)                                                      & (G4)\\
-    v &- F\big(1 + r\,e^{-(s/s_0)^2}\big)\,\mathrm{sgn}_\varepsilon(s)                       & (G5)\\
+    v &- F\,\mathrm{sgn}(s)                                                                  & (G4)\\
+    v &- F\big(1 + r\,e^{-(s/s_0)^2}\big)\,\mathrm{sgn}(s)                                   & (G5)\\
     v &+ b                                                                                   & (G6)\\
     v &+ A \sin(2\pi f t + \varphi)                                                          & (G7)\\
     v &- F z,\quad \dot z = \frac{s}{y}\Big(1 - \tfrac12\big(1 + \mathrm{sgn}(s z)\big)\,|z|^2\Big)   & (G8)\\
@@ -19,13 +19,19 @@ Armstrong-Hélouvry, Dupont, Canudas de Wit, Automatica 30, 1994), constant offs
 hysteresis of Bouc and Wen with :math:`\beta = \gamma = \tfrac12`, n = 2 (G8; Ismail, Ikhouane, Rodellar, Arch. Comput.
 Methods Eng. 16, 2009), overflow above a brim at c (G9).
 
-Friction that changes sign at once cannot be integrated with a fixed step, so
+Friction that changes sign at once cannot be integrated with a fixed step h. In the equation of the very state s that it
+opposes, v is what acts on s without it, and friction of at most F takes what would bring s to rest within the step:
+
+.. math:: v - \mathrm{clip}\big(v + s/h,\, -F,\, F\big)                                             \qquad (G10)
+
+(the implicit step of Moreau's time stepping, *Unilateral contact and dry friction in finite freedom dynamics*, 1988),
+so that it sticks where it should. In another equation a smoothed sign stands for it,
 
 .. math:: \mathrm{sgn}_\varepsilon(s) = \tanh(s/\varepsilon),\quad
-   \varepsilon = \max(10^{-4} S,\; 0.6\,F h)                                                        \qquad (G10)
+   \varepsilon = \max(10^{-4} S,\; 0.6\,F h)                                                        \qquad (G18)
 
-with the size S of the signal and the step h: :math:`h F/\varepsilon` is then at most 1.7, inside the stability region
-of the integrator (2.8), and the term becomes exact as the step goes to zero. At rest the model creeps by a part of ε.
+with the size S of the signal: :math:`h F/\varepsilon` is then at most 1.7, inside the stability region of the
+integrator (2.8). Both become exact as the step goes to zero.
 """
 
 from __future__ import annotations
@@ -61,21 +67,23 @@ def drag(v: Any, s: Any, a: Any) -> Any:
 
 
 @register_jitable
-def sign(s: Any, F: Any, size: Any, h: Any) -> Any:
-    """Sign that a fixed step can integrate, (G10)."""
-    return math.tanh(s / max(1e-4 * size, 0.6 * abs(F) * h))
+def dry(v: Any, s: Any, F: Any, size: Any, h: Any, own: Any) -> Any:
+    """Dry friction of at most F, (G10) in the equation of s itself (`own`), (G18) in another one."""
+    if own:
+        return v - min(max(v + s / h, -F), F)
+    return v - F * math.tanh(s / max(1e-4 * size, 0.6 * abs(F) * h))
 
 
 @register_jitable
-def coulomb(v: Any, s: Any, F: Any, size: Any, h: Any) -> Any:
+def coulomb(v: Any, s: Any, F: Any, size: Any, h: Any, own: Any) -> Any:
     """Coulomb friction, (G4)."""
-    return v - F * sign(s, F, size, h)
+    return dry(v, s, F, size, h, own)
 
 
 @register_jitable
-def stribeck(v: Any, s: Any, F: Any, r: Any, s0: Any, size: Any, h: Any) -> Any:
+def stribeck(v: Any, s: Any, F: Any, r: Any, s0: Any, size: Any, h: Any, own: Any) -> Any:
     """Stribeck friction, (G5)."""
-    return v - F * (1.0 + r * math.exp(-((s / s0) ** 2))) * sign(s, F * (1.0 + r), size, h)
+    return dry(v, s, F * (1.0 + r * math.exp(-((s / s0) ** 2))), size, h, own)
 
 
 @register_jitable
