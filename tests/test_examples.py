@@ -19,6 +19,7 @@ SAYS = {
     "plot_ieee39_grid_search.py": "| mean contribution (blind) |",
     "plot_own_simulator.py": "Values of the parameters reproduce the recording",
     "plot_effect.py": "exciter.K",
+    "plot_fmu.py": "Clock skew of y",
     "plot_own_equations.py": "Coulomb friction on speed, in the equation of speed",
     "plot_wavelet_image.py": "(2, 2, 64, 256)",
 }

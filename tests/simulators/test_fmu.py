@@ -1,0 +1,78 @@
+import pickle
+import sys
+
+import numpy as np
+import pytest
+
+from errorscreen.events import InputSignal
+from errorscreen.exceptions import InputError, MissingExtraError
+from errorscreen.parameters import Parameter
+from errorscreen.simulators import CallableSimulator
+from errorscreen.simulators.fmu import FMU
+from errorscreen.testing import check_simulator
+
+SOURCE = """
+from math import exp
+from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
+
+class Lag(Fmi2Slave):
+    def __init__(self, **options):
+        super().__init__(**options)
+        self.K, self.T, self.u, self.y = 1.0, 1.0, 0.0, 0.0
+        for name in ("K", "T"):
+            kind = {"causality": Fmi2Causality.parameter, "variability": Fmi2Variability.tunable}
+            self.register_variable(Real(name, **kind))
+        self.register_variable(Real("u", causality=Fmi2Causality.input))
+        self.register_variable(Real("y", causality=Fmi2Causality.output))
+
+    def do_step(self, time, step):
+        self.y += (1 - exp(-step / self.T)) * (self.K * self.u - self.y)
+        return True
+"""
+TIME = np.arange(0.0, 4.0, 0.1)
+STEP = InputSignal(TIME, "step", 1.0, {"u": 1.0 * (TIME >= 1.0)})
+
+
+@pytest.fixture(scope="module")
+def unit(tmp_path_factory):
+    builder = pytest.importorskip("pythonfmu.builder", reason="pythonfmu builds the unit")
+    pytest.importorskip("fmpy")
+    folder = tmp_path_factory.mktemp("fmu")
+    (folder / "lag.py").write_text(SOURCE, encoding="utf-8")
+    return builder.FmuBuilder.build_FMU(folder / "lag.py", dest=folder)
+
+
+def lag(unit):
+    return FMU(unit, ["K", "T"], ["y"], ["u"])
+
+
+def test_a_unit_computes_what_its_equations_say(unit):
+    y = lag(unit)(np.array([2.0, 0.5]), STEP)[0]
+    # the input is known at the end of each communication step
+    after = TIME >= 1.0
+    assert np.allclose(y[after], 2.0 * (1 - np.exp(-(TIME[after] - 1.0) / 0.5)), atol=1e-6)
+    assert np.array_equal(y[~after], np.zeros(int((~after).sum())))
+
+
+def test_a_unit_keeps_the_contract_of_a_simulator(unit):
+    parameters = [Parameter("K", 1.0, 0.5, 2.0), Parameter("T", 1.0, 0.3, 3.0)]
+    check_simulator(CallableSimulator(lag(unit), parameters, STEP, outputs=["y"], inputs=["u"]))
+
+
+def test_a_pickled_unit_unpacks_its_own_files(unit):
+    one = lag(unit)
+    expected = one(np.array([1.0, 1.0]), STEP)
+    assert np.array_equal(pickle.loads(pickle.dumps(one))(np.array([1.0, 1.0]), STEP), expected)
+
+
+def test_wrong_names_and_files_are_refused(unit, tmp_path):
+    with pytest.raises(InputError, match="does not exist"):
+        FMU(tmp_path / "none.fmu", ["K"], ["y"])
+    with pytest.raises(InputError, match="unknown variable 'Y'"):
+        FMU(unit, ["K"], ["Y"])
+
+
+def test_a_missing_extra_is_named(unit, monkeypatch):
+    monkeypatch.setitem(sys.modules, "fmpy", None)
+    with pytest.raises(MissingExtraError, match=r"errorscreen\[fmu\]"):
+        lag(unit)
