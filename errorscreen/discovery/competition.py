@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery.hypotheses import Hypothesis, JointFit, linearised
 from errorscreen.discovery.remainder import Remainder, remainder_test
-from errorscreen.discovery.signatures import Signature, escapes, signature
+from errorscreen.discovery.signatures import Signature, escapes, searched, signature
 from errorscreen.effects.base import Effect
 from errorscreen.exceptions import SimulationError
 from errorscreen.observations import Observation
@@ -28,6 +28,8 @@ _TRIED, _TRIED_BESIDE = 2, 1
 _BEGUN, _FIRST, _KEPT, _SLICES = 3, 5, 2, 6
 #: times that a fit is led out of a local minimum
 _ESCAPES = 3
+#: most parameters of a model with its effects, for a search of all their ranges
+_FEW = 8
 #: a joint fit goes on while its distance from the best is less than so many times what it gained last
 _HOPE = 20.0
 #: a fit whose χ²/N is at most this is tried with a step so many times smaller
@@ -201,22 +203,36 @@ class Competition:
         return done
 
     def _escape(self, hypothesis: Hypothesis) -> Hypothesis:
-        """Follow ways out of a local minimum, as long as they lead lower."""
+        """Follow ways out of a local minimum, as long as they lead lower; with few parameters, search everywhere."""
         problem = FitProblem(hypothesis.simulator, list(hypothesis.observations), hypothesis.names)
         for _ in range(_ESCAPES):
-            starts = [] if self.is_adequate(hypothesis) else escapes(hypothesis, problem)[:_KEPT]
-            if not starts:
+            starts = [] if self.is_adequate(hypothesis) else escapes(hypothesis, problem, self.seed)[:_KEPT]
+            better = self._better(hypothesis, problem, starts)
+            if better is None:
                 break
-            try:
-                better = JointFit(hypothesis.effects, problem, starts).run(_FIRST * _SLICES).hypothesis()
-            except SimulationError:
-                break
-            if better.objective > hypothesis.objective - _WORTH:
-                break
-            self._keep(better, self._test(better), hypothesis)
             hypothesis = better
+        many = any(effect.minima > 1 for effect in hypothesis.effects)
+        if many and len(problem.names) <= _FEW and not self.is_adequate(hypothesis):
+            hypothesis = self._better(hypothesis, problem, [searched(problem, self.seed)]) or hypothesis
         self.n_simulations += problem.n_simulations
         return hypothesis
+
+    def _better(
+        self, hypothesis: Hypothesis, problem: FitProblem, starts: Sequence[_Array]
+    ) -> Hypothesis | None:
+        """Fit a hypothesis from other starts, and take it in place of this one; None if that does not lead lower."""
+        if not starts:
+            return None
+        try:
+            better = (
+                JointFit(hypothesis.effects, problem, np.array(starts)).run(_FIRST * _SLICES).hypothesis()
+            )
+        except SimulationError:
+            return None
+        if better.objective > hypothesis.objective - _WORTH:
+            return None
+        self._keep(better, self._test(better), hypothesis)
+        return better
 
     def _polish(self, hypothesis: Hypothesis) -> Hypothesis:
         """Fit a hypothesis that comes near to noise further, with a smaller step and the noise that belongs to it.

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
+from scipy.optimize import differential_evolution
 
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery.hypotheses import PRIOR, Hypothesis
@@ -26,6 +27,10 @@ _DRAWS_PER_SQUARE = 12
 _WIDE = 10.0
 #: values of one parameter that are tried in a search for a way out of a local minimum
 _LINE = 48
+#: values of all parameters of an effect with many minima that are tried together, for each of `_SPREADS`
+_CLOUD = 48
+#: individuals for each parameter, and generations, of a global search
+_CROWD, _GENERATIONS = 16, 80
 
 _Array = NDArray[np.float64]
 
@@ -124,11 +129,12 @@ def signature(
     return Signature(effect, found[0][0], np.array(starts), problem)
 
 
-def escapes(hypothesis: Hypothesis, problem: FitProblem) -> list[_Array]:
+def escapes(hypothesis: Hypothesis, problem: FitProblem, random_state: Any = 0) -> list[_Array]:
     """Points from which a fit may reach a lower minimum, the most promising first.
 
     One parameter of an effect at a time is moved through its range, and the others follow by the linear model, as in
-    (D2). What counts are timers, instants and frequencies: of these a fit finds the nearest minimum only.
+    (D2). What counts are timers, instants and frequencies: of these a fit finds the nearest minimum only. Those of an
+    effect with many minima are also moved together, over ever smaller parts of their ranges.
 
     Parameters
     ----------
@@ -136,6 +142,7 @@ def escapes(hypothesis: Hypothesis, problem: FitProblem) -> list[_Array]:
         Fitted.
     problem : FitProblem
         It was fitted to.
+    random_state : None, int, SeedSequence, Generator or RandomState
 
     Returns
     -------
@@ -143,15 +150,29 @@ def escapes(hypothesis: Hypothesis, problem: FitProblem) -> list[_Array]:
         Only those that promise less than the hypothesis has reached.
     """
     space, u = problem.space, hypothesis.u
-    own = {effect.local(p.name) for effect in hypothesis.effects for p in effect.parameters}
+    index = {name: j for j, name in enumerate(problem.names)}
+    tried: list[tuple[_Array, NDArray[np.int64]]] = []
+    lines = spread_over(space, 0, np.repeat((np.arange(_LINE) + 0.5)[:, None] / _LINE, len(space), axis=1))
+    rng = generator(random_state)
+    lower, upper = problem.scaled_bounds
+    for effect in hypothesis.effects:
+        own = [
+            index[name] for name in map(effect.local, (p.name for p in effect.parameters)) if name in index
+        ]
+        for j in own:
+            rows = np.tile(u, (_LINE, 1))
+            rows[:, j] = lines[:, j]
+            tried.append((rows, np.array([j])))
+        if effect.minima > 1:
+            spread = np.repeat(_SPREADS, _CLOUD)[:, None] * (upper - lower)[own]
+            rows = np.tile(u, (len(spread), 1))
+            rows[:, own] = np.clip(
+                u[own] + spread * rng.standard_normal(spread.shape), lower[own], upper[own]
+            )
+            tried.append((rows, np.array(own)))
     found: list[tuple[float, _Array]] = []
-    for j in (j for j, name in enumerate(problem.names) if name in own):
-        lines = spread_over(
-            space, 0, np.repeat((np.arange(_LINE) + 0.5)[:, None] / _LINE, len(space), axis=1)
-        )
-        rows = np.tile(u, (_LINE, 1))
-        rows[:, j] = lines[:, j]
-        others = np.flatnonzero(hypothesis.free & (np.arange(len(u)) != j))
+    for rows, moved in tried:
+        others = np.flatnonzero(hypothesis.free & ~np.isin(np.arange(len(u)), moved))
         objective, steps = _projected(problem, rows, hypothesis.jacobian[:, others], others)
         best = int(np.argmin(objective))
         if objective[best] < hypothesis.objective:
@@ -159,6 +180,31 @@ def escapes(hypothesis: Hypothesis, problem: FitProblem) -> list[_Array]:
             start[others] += steps[best]
             found.append((float(objective[best]), start))
     return [start for _, start in sorted(found, key=lambda item: item[0])]
+
+
+def searched(problem: FitProblem, random_state: Any = 0) -> _Array:
+    """Deviations (k,) at the lowest objective that differential evolution finds, in multiples of the scales.
+
+    For few parameters, some of which are thresholds and timers that act again and again: there, all minima are narrow.
+    (Storn and Price, J. Global Optimization 11, 1997.)
+
+    Parameters
+    ----------
+    problem : FitProblem
+    random_state : None, int, SeedSequence, Generator or RandomState
+    """
+    lower, upper = problem.scaled_bounds
+
+    def objective(columns: _Array) -> _Array:
+        u = columns.T
+        value = problem.chi_square(problem.values(u)) + ((u / PRIOR) ** 2).sum(axis=1)
+        return np.where(np.isfinite(value), value, np.inf)
+
+    found = differential_evolution(
+        objective, list(zip(lower, upper, strict=True)), popsize=_CROWD, maxiter=_GENERATIONS, polish=False,
+        vectorized=True, updating="deferred", rng=generator(random_state),
+    )  # fmt: skip
+    return np.asarray(found.x)
 
 
 def _projected(
