@@ -173,8 +173,7 @@ def check_effect(simulator: Simulator, effect: Effect | str, n: int = 6, random_
     )
     alive = np.isfinite(mixed[n:]).all(axis=(1, 2))
     _require(
-        alive.any(),
-        f"{where}: no simulation with random parameters inside the bounds ended well: narrow them",
+        alive.any(), f"{where}: no simulation with it ended well: choose other nominal values and bounds"
     )
     _require(
         np.array_equal(mixed[n:][::-1], extended.simulate(theta[::-1]).values, equal_nan=True),

@@ -1,3 +1,6 @@
+import copy
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -5,7 +8,7 @@ from errorscreen.calibration import MAPCalibrator, PSOCalibrator
 from errorscreen.recordings import Recording
 from errorscreen.screening import RandomScreener, SensitivityScreener
 from errorscreen.simulators import PlantSimulator, Simulator
-from errorscreen.testing import check_calibrator, check_screener, check_simulator
+from errorscreen.testing import check_calibrator, check_effect, check_screener, check_simulator
 from tests.plants import DEVICE_NAMES, dip, plant
 
 
@@ -102,3 +105,54 @@ class Broken(Simulator):
 def test_faults_are_found(fault, message):
     with pytest.raises(AssertionError, match=message):
         check_simulator(Broken(fault))
+
+
+PLANTS = {name: plant(name) for name in DEVICE_NAMES}
+
+
+@pytest.mark.parametrize(
+    ("device", "effect"), [(name, e.name) for name, built in PLANTS.items() for e in built.effects]
+)
+def test_effects_of_plants_keep_the_contract(device, effect):
+    check_effect(PLANTS[device], effect)
+
+
+def faulty(**changes):
+    """A plant that offers one effect of the measurement, with a fault."""
+    simulator = PLANTS["pv_plant"]
+    good = next(e for e in simulator.effects if e.name == "lag_P")
+    changed = copy.copy(simulator)
+    changed.effects = tuple(replace(e, **changes) if e is good else e for e in simulator.effects)
+    return changed
+
+
+def shifts_the_start(value, T):
+    return 1.0001 * value
+
+
+def looks_around(values, h, T):
+    return values + 1e-9 * np.arange(len(values))[:, None]
+
+
+def breaks(values, h, T):
+    return np.where(T[:, None] > 0, np.nan, values)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"recorded": shifts_the_start}, "at strength 0 responses must be those of the model without it"),
+        ({"equations": looks_around}, "must not depend on its neighbours"),
+        ({"equations": breaks}, "no simulation with it ended well"),
+        ({"description": ""}, "must have a description"),
+        ({"source": ""}, "must have a source"),
+    ],
+)
+def test_faults_of_effects_are_found(changes, message):
+    with pytest.raises(AssertionError, match=message):
+        check_effect(faulty(**changes), "lag_P")
+
+
+def test_an_effect_that_is_not_offered_is_named():
+    with pytest.raises(AssertionError, match="'governor' must be offered"):
+        check_effect(PLANTS["pv_plant"], "governor")

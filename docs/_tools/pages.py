@@ -35,6 +35,7 @@ MEASURED = {
     "first_look": "python benchmarks/first_look.py",
     "traps": "errorscreen bench discovery --case traps --scenarios 150 --seed 12",
     "measured_systems": "python benchmarks/measured_systems.py DATA",
+    "search_speed": "python benchmarks/search_speed.py",
     "learning_curve": "python benchmarks/learning_curve.py",
 }
 PAPER_FIGURES = (

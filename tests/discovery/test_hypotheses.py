@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.discovery.hypotheses import PRIOR, JointFit, described, fit_hypothesis, linearised, signature
+from errorscreen.discovery.hypotheses import PRIOR, JointFit, described, fit_hypothesis, linearised
+from errorscreen.discovery.signatures import signature
 from errorscreen.observations import Observation
 from tests.plants import dip, plant
 
