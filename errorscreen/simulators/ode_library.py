@@ -51,9 +51,13 @@ def library(
     """
     ranges, step = _ranges(simulator)
     for observation in measurements:
-        for name, row in zip(observation.channels, observation.values, strict=True):
+        seen = dict(zip(observation.channels, observation.values, strict=True))
+        if isinstance(observation.event, InputSignal):
+            seen |= {name: observation.event.signals[name] for name in simulator.inputs}
+        for name, row in seen.items():
             if np.isfinite(row).any():
-                ranges[name] = (float(np.nanmin(row)), float(np.nanmax(row)))
+                low, high = ranges[name]
+                ranges[name] = (min(low, float(np.nanmin(row))), max(high, float(np.nanmax(row))))
     rates = _rates(simulator, ranges)
     event = simulator.event
     anatomy = Anatomy(

@@ -533,3 +533,13 @@ def test_gaps_in_an_output_are_not_compared():
     observation = model.observe(recorded(model.event, y))
     assert isinstance(observation, Observation)
     assert np.array_equal(observation.mask[0], np.isfinite(y))
+
+
+def test_ranges_of_effects_hold_every_recording():
+    events = [push("small", 1, 0.1), push("large", 2, 3.0), push("middle", 3)]
+    truth = oscillator(events[0])
+    recordings = [recorded(e, truth.baseline(e)[0], e.name) for e in events]
+    limit = next(
+        p for e in oscillator(recordings).effects if e.name == "saturation_position" for p in e.parameters[2:]
+    )
+    assert limit.upper > truth.baseline(events[1]).max()
