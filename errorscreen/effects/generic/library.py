@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 
-from errorscreen.effects.base import Effect, nothing, strength, value
-from errorscreen.effects.generic.base import TEMPLATES, GenericEffect, Ranges
+from errorscreen.effects.base import Effect, nothing
+from errorscreen.effects.generic.base import TEMPLATES, GenericEffect
+from errorscreen.effects.generic.scales import Anatomy, Scales, per
 from errorscreen.effects.latent_input import latent_input
 from errorscreen.effects.measurement import measurement_effects
 from errorscreen.exceptions import unknown_name
-from errorscreen.parameters import Parameter
 
 _FRICTION = "Armstrong-Hélouvry, Dupont, Canudas de Wit, Automatica 30, 1994"
 #: title, formula, source, description and what each template is confused with; s is what it depends on, v its quantity
@@ -113,52 +112,6 @@ _OF_SIGNALS = (
 _OF_OUTPUTS = ("quadratic", "cubic", "dead_band", "saturation", "rate_limit", "backlash")
 
 
-#: bounds of a coefficient in multiples of what would double its equation in a nominal run
-_WIDE = 50.0
-
-
-@dataclass(frozen=True)
-class Anatomy:
-    """What the library has to know about a model.
-
-    Parameters
-    ----------
-    equations : tuple of str
-        States whose equations can lack something.
-    states : tuple of str
-    rates : mapping of str to str
-        State that is the derivative of another one, and that one.
-    inputs, signals, outputs : tuple of str
-    units : mapping of str to str
-        Of all of them.
-    ranges : mapping of str to (float, float)
-        Of all of them, and of derivatives (`Ranges`), in a typical run.
-    duration, dt, step : float
-        Of that run: its length, the distance of its samples and the step of the integration, in seconds.
-    """
-
-    equations: tuple[str, ...]
-    states: tuple[str, ...]
-    rates: Mapping[str, str]
-    inputs: tuple[str, ...]
-    signals: tuple[str, ...]
-    outputs: tuple[str, ...]
-    units: Mapping[str, str]
-    ranges: Ranges
-    duration: float
-    dt: float
-    step: float
-
-    def size(self, name: str) -> float:
-        """Largest magnitude of a quantity."""
-        return max(abs(bound) for bound in self.ranges[name])
-
-    def span(self, name: str) -> float:
-        """Largest less smallest value of a quantity."""
-        low, high = self.ranges[name]
-        return high - low
-
-
 def generic_effects(anatomy: Anatomy, templates: Iterable[str] | None = None) -> tuple[Effect, ...]:
     """Every template at every place where it makes sense.
 
@@ -242,7 +195,7 @@ def _latent(anatomy: Anatomy) -> Iterator[GenericEffect]:
     for kind, target, size in at:
         if size > 0:
             unit = anatomy.units[target]
-            made = latent_input(_port(kind, target), size, _per(unit, "s") if kind == "equation" else unit)
+            made = latent_input(_port(kind, target), size, per(unit, "s") if kind == "equation" else unit)
             changed = {"name": f"latent_{target}", "states": (), "derived": (), "initialise": nothing}
             yield GenericEffect(**{**vars(made), **changed}, template="latent", acts_on=kind, target=target)
 
@@ -268,13 +221,13 @@ def _effect(
     on = f" on {reads}" if kind == "equation" and reads else f" (watching {reads})" if reads else ""
     words = {"s": signal, "v": target, "into": f" into {into}" if into else ""}
     name = f"{template}_{target}" if kind == "output" else f"{target}.{template}"
-    parameters, smallest = _parameters(anatomy, template, kind, target, signal, title, bool(into))
+    own = Scales(anatomy, kind, target, signal, title, bool(into))
     return GenericEffect(
         name=name if not reads else f"{name}({reads})",
         title=f"{title}{on}{',' if on and kind == 'equation' else ''} {where}{words['into']}",
         port=_port(kind, target),
         equations=TEMPLATES[template],
-        parameters=parameters,
+        parameters=own.parameters(template),
         states=("z",) if template == "hysteresis" else (),
         kind="measurement" if kind == "output" else "mechanism",
         description=description.format(**words),
@@ -282,116 +235,10 @@ def _effect(
         source=source,
         confused_with=tuple(text.format(**words) for text in confused),
         minima=8 if template == "forcing" else 6 if template.startswith("relay") else 1,
-        smallest=smallest,
+        smallest=own.smallest(template),
         template=template,
         acts_on=kind,
         target=target,
         reads=reads if kind == "equation" or reads != target else "",
         size=anatomy.size(signal),
     )
-
-
-def _parameters(
-    anatomy: Anatomy, template: str, kind: str, target: str, signal: str, of: str, into: bool
-) -> tuple[tuple[Parameter, ...], dict[str, float]]:
-    """Parameters of a template with ranges from the scales, and the smallest strength that matters."""
-    D = anatomy.size(f"d_{target}") if kind == "equation" else anatomy.span(target)
-    S, span = anatomy.size(signal), anatomy.span(signal)
-    low, high = anatomy.ranges[signal]
-    middle, T = 0.5 * (low + high), anatomy.duration
-    unit, time = anatomy.units.get(signal, ""), "s"
-    rate = _per(anatomy.units.get(target, ""), "s") if kind == "equation" else anatomy.units.get(target, "")
-
-    def positive(name: str, upper: float, unit: str, text: str, typical: float = 0.03) -> Parameter:
-        return strength(name, typical * upper, upper, unit, of, name, f"{text}; 0: none")
-
-    def signed(name: str, size: float, unit: str, text: str) -> Parameter:
-        return strength(name, 0.1 * size, size, unit, of, name, f"{text}; 0: none", -size)
-
-    def coefficient(order: int, lower: float = -1.0, name: str = "a") -> Parameter:
-        """Of a term of some order: a nominal run may be far from the truth, so the bounds are wide."""
-        size = D / S**order
-        return Parameter(
-            name, 0.1 * size, lower * _WIDE * size, _WIDE * size, _per(rate, unit, order), of, name,
-            "coefficient; 0: none", scale=4.0 * size,
-        )  # fmt: skip
-
-    made: Sequence[Parameter]
-    match template:
-        case "quadratic":
-            made = [coefficient(2)]
-        case "cubic":
-            made = [coefficient(3)]
-        case "drag":
-            made = [coefficient(2, 0.0)]
-        case "viscous":
-            made = [coefficient(1, 0.0, "d")]
-        case "coulomb":
-            made = [positive("F", D, rate, "force")]
-        case "stribeck":
-            made = [
-                positive("F", D, rate, "force in motion"),
-                value("r", 0.5, 0.0, 3.0, "", of, "r", "by how much more it is at rest"),
-                value("s0", 0.1 * S, 0.01 * S, S, unit, of, "s_0", "where it has fallen to a third"),
-            ]
-        case "offset":
-            made = [signed("b", 0.5 * D, rate, "size")]
-        case "forcing":
-            made = [
-                positive("A", D, rate, "amplitude"),
-                value("f", 5 / T, 1 / T, 0.2 / anatomy.dt, "Hz", of, "f", "frequency"),
-                value("phi", 0.0, -math.pi, math.pi, "rad", of, "φ", "phase at t = 0"),
-            ]
-        case "hysteresis":
-            way = anatomy.span(anatomy.rates[signal]) if signal in anatomy.rates else 0.05 * T * S
-            made = [
-                positive("F", 2 * D, rate, "force"),
-                value("y", 0.1 * way, 0.003 * way, way, "", of, "y", "distance over which it rises"),
-            ]
-        case "overflow":
-            most = 2.0 / anatomy.step  # inside the stability region of the integrator, 2.8
-            made = [
-                strength("k", 0.3 * most, most, "1/s", of, "k", "how fast it flows away; 0: none"),
-                value(
-                    "c", 0.3 * low + 0.7 * high, low + 0.2 * span, high, unit, of, "c", "height of the brim"
-                ),
-            ]
-            if into:
-                made.append(value("r", 0.5, 0.0, 2.0, "", of, "r", "share that arrives"))
-        case "dead_band":
-            made = [
-                positive("b", 0.5 * span, unit, "half width"),
-                value("c", middle, low, high, unit, of, "c", "centre"),
-            ]
-        case "saturation":
-            made = [
-                strength("k", 1.0, 1.0, "", of, "k", "share of the excess that is cut off; 0: none"),
-                value("l", low + 0.1 * span, low - 0.1 * span, middle, unit, of, "l", "lower limit"),
-                value("u", high - 0.1 * span, middle, high + 0.1 * span, unit, of, "u", "upper limit"),
-            ]
-        case "rate_limit":
-            made = [positive("k", 0.3 * T / span, _per("s", unit), "time for one unit", 0.9)]
-        case "lag":
-            made = [positive("T", 0.1 * T, time, "time constant")]
-        case "delay":
-            made = [positive("d", 0.1 * T, time, "delay")]
-        case "backlash":
-            made = [positive("b", 0.5 * span, unit, "half width")]
-        case _:
-            made = [
-                strength("a", 1.0, 1.0, "", of, "a", "share that is taken away; 0: none"),
-                value("theta", middle, low, high, unit, of, "θ", "threshold"),
-                value("T", 0.03 * T, anatomy.step, 0.3 * T, time, of, "T", "timer"),
-            ]
-    first = made[0]
-    if template in ("offset", "saturation", "overflow", "relay_above", "relay_below"):
-        return tuple(made), {}
-    least = anatomy.step if template in ("lag", "delay") else 1e-3 * first.upper
-    return tuple(made), {first.name: min(least, 0.1 * first.upper)}
-
-
-def _per(unit: str, by: str, order: int = 1) -> str:
-    """Unit of one quantity for each unit of another, or its square or cube."""
-    if not by:
-        return unit
-    return f"{unit or '1'}/{by if order == 1 else f'({by})' + ' ²³'[order - 1]}"
