@@ -1,7 +1,8 @@
 """True responses of the traps: small systems with one hidden mechanism, in its hard form, written out by themselves.
 
 They share no equation with the library: friction really sticks, limits and timers really switch, memories live on the
-fine grid of the truth, and the method is Heun's with a fiftieth of the sampling interval.
+fine grid of the truth. The methods are Heun's and Euler's with a fiftieth of the sampling interval, exact to about 57
+dB: enough under noise of 40 dB, not under one of 60.
 """
 
 from __future__ import annotations

@@ -19,6 +19,8 @@ _MARGIN = 10.0
 _FORM = 0.02
 #: two effects together have so much freedom that they also make up for a form that is wrong: they must leave less
 _FORM_OF_TWO = 0.003
+#: a second effect that explains less than this is the form of the first one, a limit that is harder or softer
+_TRACE = 0.001
 #: hypotheses whose χ² differ by less than this predict the same
 _SAME = 1.0
 #: half width of intervals for 90 % in standard deviations
@@ -86,7 +88,10 @@ def rank_causes(found: Competition) -> list[Cause]:
     ----------
     found : Competition
     """
-    causes = sorted(_exact(found) or _of_a_kind(found), key=lambda c: -c.probability)
+    causes = _exact(found)
+    if not causes or _form_alone(found, causes):
+        causes = _of_a_kind(found)
+    causes.sort(key=lambda c: -c.probability)
     unknown = 1.0 - sum(c.probability for c in causes)
     # two names for the same thing share a probability, but what they stand for has all of it
     chi2 = {h.name: h.chi2 for h in found.hypotheses}
@@ -118,6 +123,15 @@ def _exact(found: Competition) -> list[Cause]:
     return [_cause(found, h, float(w)) for h, w in zip(adequate, weights, strict=True)]
 
 
+def _form_alone(found: Competition, causes: list[Cause]) -> bool:
+    """Whether two effects are named of which one leaves only a trace: the other makes up for the form of the first."""
+    first = max(causes, key=lambda c: c.probability)
+    alone = [
+        _explained(found, h) for h in found.hypotheses if h.effects and h.name in first.name.split(" + ")
+    ]
+    return " + " in first.name and max(alone, default=0.0) > 1.0 - _TRACE
+
+
 def _of_a_kind(found: Competition) -> list[Cause]:
     """Effects that explain nearly everything, though not in the form that the library gives them.
 
@@ -131,7 +145,7 @@ def _of_a_kind(found: Competition) -> list[Cause]:
     else:
         return []
     # errors of form are no noise: how much better one is tells less than its evidence says
-    weights = np.maximum(left, np.finfo(float).tiny) ** -2.0
+    weights = np.maximum(left, 1e-12) ** -2.0
     weights /= weights.sum() * (1.0 + left.min() / most)
     return [_cause(found, h, float(w), exact=False) for h, w in zip(members, weights, strict=True)]
 

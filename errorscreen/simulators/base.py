@@ -53,12 +53,15 @@ class Responses:
         Seconds.
     channels : tuple of str
         Names of the R channels.
+    detail : str
+        What is known about the first failure beside its status.
     """
 
     values: NDArray[np.float64]
     status: NDArray[np.int64]
     time: NDArray[np.float64]
     channels: tuple[str, ...]
+    detail: str = ""
 
     @property
     def ok(self) -> NDArray[np.bool_]:
@@ -72,7 +75,7 @@ class Responses:
             count = int(np.sum(self.status == status))
             if count and status != Status.OK:
                 parts.append(f"{count} of {len(self.status)} simulations {status.name}: {REMEDIES[status]}")
-        return "; ".join(parts)
+        return "; ".join([*parts, f"the first: {self.detail}"] if parts and self.detail else parts)
 
     def require_ok(self, what: str = "simulation") -> Responses:
         """Return self, or raise `SimulationError` with the remedy if any row failed."""

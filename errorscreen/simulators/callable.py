@@ -18,8 +18,9 @@ from errorscreen.recordings import Recording
 from errorscreen.simulators.assembly import measured
 from errorscreen.simulators.base import Responses, Simulator, Status
 from errorscreen.simulators.signal_records import Names, named, signal_observation
+from errorscreen.simulators.user_functions import identity
 
-Function = Callable[[NDArray[np.float64], Event], ArrayLike]
+Function = Callable[[NDArray[np.float64], Event], Any]
 
 #: largest clock skew that is searched for, in samples and as a share of the record
 _LATE_SAMPLES, _LATE_SHARE = 50, 0.05
@@ -108,7 +109,10 @@ class CallableSimulator(Simulator):
 
     def settings(self) -> dict[str, Any]:
         """Function and added effects; see `Simulator.settings`."""
-        return {"function": repr(self.function), "extensions": [effect.name for effect in self.extensions]}
+        return {
+            "function": identity(self.function),
+            "extensions": [effect.name for effect in self.extensions],
+        }
 
     def observe(self, recording: Any) -> Observation:
         """Bring a recording onto the outputs and a uniform time grid, with the inputs as the event.
@@ -142,13 +146,11 @@ class CallableSimulator(Simulator):
         event = self.event if event is None else event
         theta = self.parameters.validate(theta)
         own = theta[:, : theta.shape[1] - sum(len(e.parameters) for e in self.extensions)]
-        if self.vectorized:
-            out = self._shaped(self.function(own.copy(), event), event, len(own))
-        else:
-            with Parallel(n_jobs=self.n_jobs, backend=self.backend) as pool:
-                rows = pool(delayed(_guarded)(self.function, row.copy(), event) for row in own)
-            blank = np.full((len(self.channels), len(event.time)), np.nan)
-            out = np.array([blank if row is None else self._shaped(row, event, 1)[0] for row in rows])
+        out = np.full((len(own), len(self.channels), len(event.time)), np.nan)
+        rows, reasons = self._called(own, event)
+        for i, row in enumerate(rows):
+            if row is not None:
+                out[i] = self._shaped(row, event)
         if self.extensions:
             values = dict(zip(self.parameters.names, theta.T, strict=True))
             with np.errstate(all="ignore"):
@@ -156,17 +158,35 @@ class CallableSimulator(Simulator):
         well = np.isfinite(out).all(axis=(1, 2))
         out[~well] = np.nan
         status = np.where(well, Status.OK, Status.FAILED)
-        return Responses(out, status.astype(np.int64), event.time, self.channels)
+        return Responses(out, status.astype(np.int64), event.time, self.channels, "; ".join(reasons[:1]))
 
-    def _shaped(self, values: Any, event: Event, n: int) -> _Array:
-        """Returned values as (n, R, L)."""
-        array = np.array(values, dtype=float)
-        shape = (n, len(self.channels), len(event.time))
+    def _called(self, own: _Array, event: Event) -> tuple[list[Any], list[str]]:
+        """What the function returns for each row, None where it raises, and why."""
+        if self.vectorized:
+            try:
+                rows = list(self.function(own.copy(), event))
+                if len(rows) == len(own):
+                    return rows, []
+            except Exception:  # one bad row must not spoil the others: each by itself
+                pass
+            pairs = [_guarded(lambda t, e: next(iter(self.function(t[None], e))), row, event) for row in own]
+        else:
+            with Parallel(n_jobs=self.n_jobs, backend=self.backend) as pool:
+                pairs = pool(delayed(_guarded)(self.function, row.copy(), event) for row in own)
+        return [row for row, _ in pairs], [reason for _, reason in pairs if reason]
+
+    def _shaped(self, values: Any, event: Event) -> _Array:
+        """Returned values as (R, L)."""
+        shape = (len(self.channels), len(event.time))
+        try:
+            array = np.array(values, dtype=float)
+        except (TypeError, ValueError):
+            array = np.empty(0)
         if array.size != np.prod(shape) or array.shape[-1] != shape[-1]:
             raise InputError(
-                f"the function returned shape {array.shape}",
+                f"the function returned shape {array.shape or 'of a single number'}",
                 where=f"event {event.name!r}",
-                allowed=f"{shape if self.vectorized else shape[1:]}: channels, then instants of event.time",
+                allowed=f"{shape}: channels, then instants of event.time",
             )
         return array.reshape(shape)
 
@@ -183,9 +203,10 @@ class CallableSimulator(Simulator):
         return tuple(found)
 
 
-def _guarded(function: Function, theta: _Array, event: Event) -> Any:
-    """Result of one simulation; None where it raises, because failure is data."""
+def _guarded(function: Function, theta: _Array, event: Event) -> tuple[Any, str]:
+    """Result of one simulation, or None and why, because failure is data."""
     try:
-        return function(theta, event)
-    except Exception:
-        return None
+        result = function(theta, event)
+    except Exception as error:
+        return None, f"{type(error).__name__}: {error}"
+    return result, "" if result is not None else "it returned nothing"

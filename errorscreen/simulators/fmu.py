@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen.events import Event
-from errorscreen.exceptions import InputError, MissingExtraError, unknown_name
+from errorscreen.exceptions import InputError, MissingExtraError, SimulationError, unknown_name
 
 
 class FMU:
@@ -33,7 +33,7 @@ class FMU:
     start_values : mapping of str to object, optional
         Other variables that are set before the start.
     step : float, optional
-        Communication step in seconds; that of the event where not given.
+        Communication step in seconds, of which that of the event is a multiple; that of the event where not given.
 
     Raises
     ------
@@ -65,7 +65,13 @@ class FMU:
         self._folder: str | None = None
 
     def __repr__(self) -> str:
-        return f"FMU({self.path.name!r}, {', '.join(self.parameters)})"
+        given = {
+            "outputs": self.outputs,
+            "inputs": self.inputs,
+            "start_values": self.start_values,
+            "step": self.step,
+        }
+        return f"FMU({str(self.path)!r}, {self.parameters}, {given})"
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave the unpacked files behind: another process unpacks its own."""
@@ -85,12 +91,14 @@ class FMU:
             self._unpacked(),
             start_time=float(time[0]),
             stop_time=float(time[-1]),
-            step_size=self.step or event.dt,
-            output_interval=event.dt,
+            output_interval=self.step or event.dt,
             start_values={**self.start_values, **dict(zip(self.parameters, theta.tolist(), strict=True))},
             input=driven,
             output=list(self.outputs),
         )
+        reached = float(result["time"][-1]) if len(result) else float("nan")
+        if not reached >= time[-1] - 1e-6 * event.dt - 1e-9:
+            raise SimulationError(f"{self.path.name} ended at {reached:g} s")
         return np.array([np.interp(time, result["time"], result[name]) for name in self.outputs])
 
     def _unpacked(self) -> str:

@@ -15,6 +15,8 @@ from errorscreen.parameters import Parameter
 
 #: standard deviations by which a measured initial state may be off
 _AROUND = 3.0
+#: instants of the grid within which the first reading of a state must lie
+_FIRST = 8
 #: a prior of 0.3 of the scale is then nearly flat over the range
 _SCALE = 2.0
 
@@ -88,13 +90,17 @@ class InitialStates:
         """
         columns: dict[tuple[str, str], int] = {}
         parameters: list[Parameter] = []
+        names: set[str] = set()
         for item in seen:
             event = item.event if isinstance(item, Observation) else item
-            if (event.name, *self.free[:1]) in columns:
+            if event.name in names:
                 raise InputError(f"two recordings are called {event.name!r}", allowed="unique names")
+            names.add(event.name)
             for state in self.free:
                 columns[event.name, state] = first + len(parameters)
-                low, high, middle = self._range(state, item)
+                low, high = self.bounds(state, item)
+                value = self.given[state]
+                middle = value.nominal if isinstance(value, Parameter) else 0.5 * (low + high)
                 parameters.append(
                     Parameter(
                         f"{state}(0) of {event.name}",
@@ -124,12 +130,30 @@ class InitialStates:
                     remedy="Give it as InputSignal(initial={...}), or observe the recording with this simulator",
                 )
 
-    def spread(self, name: str, observation: Observation) -> float:
-        """How far a free state may be from its first guess."""
+    def bounds(self, name: str, item: Observation | InputSignal) -> tuple[float, float]:
+        """Smallest and largest value that a free state of a recording may have.
+
+        Raises
+        ------
+        InputError
+            If it is measured, but the recording holds no first reading of it.
+        """
         value = self.given[name]
         if isinstance(value, Parameter):
-            return 0.5 * (value.upper - value.lower)
-        return _AROUND * float(observation.noise[self.outputs.index(name)])
+            return value.lower, value.upper
+        event = item.event if isinstance(item, Observation) else item
+        where = f"recording {event.name!r}"
+        row = item.values[self.outputs.index(name)] if isinstance(item, Observation) else np.zeros(0)
+        if not np.isfinite(row[:_FIRST]).any():
+            raise InputError(
+                f"the initial state {name!r} is measured, but there is no reading of it at the beginning",
+                where=where,
+                remedy="Give it as a Parameter, with its bounds, or as a number",
+            )
+        assert isinstance(item, Observation)
+        middle = float(row[np.isfinite(row)][0])
+        half = _AROUND * float(item.noise[self.outputs.index(name)])
+        return middle - half, middle + half
 
     def values(self, theta: _Array, event: InputSignal) -> _Array:
         """Initial states (n, nx) for parameters (n, m)."""
@@ -142,17 +166,3 @@ class InitialStates:
             else:
                 x0[:, j] = event.initial[name] if isinstance(value, str | Parameter) else value
         return x0
-
-    def _range(self, state: str, item: Observation | InputSignal) -> tuple[float, float, float]:
-        """Bounds and first guess of a state of one recording."""
-        value = self.given[state]
-        if isinstance(value, Parameter):
-            return value.lower, value.upper, value.nominal
-        if not isinstance(item, Observation):
-            raise InputError(
-                f"the initial state {state!r} is measured, but the event {item.name!r} holds no measurements",
-                remedy="Give a Recording, or the value as a number",
-            )
-        assert isinstance(item.event, InputSignal)
-        middle, half = item.event.initial[state], self.spread(state, item)
-        return middle - half, middle + half, middle

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -36,6 +37,7 @@ from errorscreen.simulators.user_functions import (
     Function,
     compile_all,
     evaluate_once,
+    identity,
     nothing,
     selection,
 )
@@ -171,6 +173,11 @@ class ODESimulator(Simulator):
                     )
             self._selected = tuple(quantities.index(name) for name in self.channels)
             readout = selection(self._selected, len(self.states))
+        elif clashes := [name for name in self.channels if name in inside]:
+            raise InputError(
+                f"the outputs {', '.join(clashes)} have the names of states, inputs or signals",
+                remedy="Give what a readout computes a name of its own, or leave the readout out",
+            )
         self.units = tuple(of_outputs[name] or inside.get(name, "") for name in self.channels)
         self.interpolation, self.n_threads = interpolation, n_threads
         self.constants = {k: check_real(v, f"the constant {k}") for k, v in (constants or {}).items()}
@@ -229,7 +236,8 @@ class ODESimulator(Simulator):
     def settings(self) -> dict[str, Any]:
         """Functions, constants, step and added effects; see `Simulator.settings`."""
         return {
-            "functions": [function.__code__.co_code.hex() for function in self._functions],
+            "functions": [identity(function) for function in self._functions],
+            "names": [self.states, self.inputs, self.signals, self.channels],
             "constants": self.constants,
             "step": self.step,
             "interpolation": self.interpolation,
@@ -266,10 +274,13 @@ class ODESimulator(Simulator):
         event, free = observation.event, self._initial.free
         if not isinstance(event, InputSignal) or not free or self._initial.knows(event):
             return observation
-        scales = np.array([self._initial.spread(name, observation) for name in free])
-        guess = np.array([event.initial[name] for name in free])
+        low, high = np.array([self._initial.bounds(name, observation) for name in free]).T
+        scales = high - low
+        guess = np.clip([event.initial[name] for name in free], low, high)
         keep = max(2, int(np.ceil(_SETTLING * len(event.time))))
         part = observation.mask & (np.arange(len(event.time)) < keep)
+        if not part.any():
+            return observation
 
         def started(values: _Array) -> InputSignal:
             return replace(event, initial={**event.initial, **dict(zip(free, values.tolist(), strict=True))})
@@ -279,7 +290,8 @@ class ODESimulator(Simulator):
             z = ((y - observation.values) / observation.sigma)[part]
             return np.where(np.isfinite(z), z, 1e6)
 
-        found = least_squares(residuals, np.zeros(len(free)), bounds=(-1.0, 1.0), diff_step=1e-4)
+        bounds = (low - guess) / scales - 1e-9, (high - guess) / scales + 1e-9
+        found = least_squares(residuals, np.zeros(len(free)), bounds=bounds, diff_step=1e-4)
         return replace(observation, event=started(guess + found.x * scales))
 
     def simulate(self, theta: ArrayLike, event: Event | None = None) -> Responses:
@@ -294,13 +306,16 @@ class ODESimulator(Simulator):
         event = self._driven_by(self.event if event is None else event)
         self._initial.check(event)
         theta = self.parameters.validate(theta)
-        # measurement effects see every step, and not only the instants that are compared
+        # effects of the measurement see every step, and not only the instants that are compared
         errors = [e for e in self.extensions if e.kind == "measurement" and not isinstance(e, GenericEffect)]
-        out, h, every = self.run(theta, event, self._pointers[2], len(self.channels), bool(errors))
+        each_step = any(e.kind == "measurement" for e in self.extensions)
+        out, h, every = self.run(theta, event, self._pointers[2], len(self.channels), each_step)
         if errors:
             values = dict(zip(self.parameters.names, theta.T, strict=True))
             with np.errstate(all="ignore"):
-                out = measured(out, self.channels, errors, values, h)[..., ::every]
+                out = measured(out, self.channels, errors, values, h)
+        if each_step:
+            out = out[..., ::every].copy()
         with np.errstate(invalid="ignore"):
             well = (np.abs(out) < _PLAUSIBLE).all(axis=(1, 2))
         out[~well] = np.nan
@@ -340,7 +355,14 @@ class ODESimulator(Simulator):
 
         def run(first: int, last: int) -> None:
             sizes = len(self.states) + extra, len(self.inputs) + len(self.signals), n_outputs
-            kernel(*arguments, *ode_kernel.room(*sizes, table, steps), first, last)
+            rooms = ode_kernel.room(*sizes, table, steps)
+            if self._compiled:
+                kernel(*arguments, *rooms, first, last)
+                return
+            for i in range(first, last):
+                # as machine code does: what cannot be computed is no number, and that simulation has failed
+                with contextlib.suppress(ArithmeticError, ValueError):
+                    kernel(*arguments, *rooms, i, i + 1)
 
         with np.errstate(all="ignore"):
             if threads <= 1 or len(tasks) == 1:

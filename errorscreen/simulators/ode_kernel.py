@@ -4,8 +4,8 @@ The user's functions are called through pointers, so that this module is compile
 effects are tried: an effect is a row of a table (`ROW`), and which rows act is data.
 
 At the beginning of each step what has a memory (lag, delay, rate limit, backlash, timers) is brought up to date with
-the values there; inside the step it is read, not changed (but for a relay that drops out). So all four stages see the
-same model.
+the values just before; inside the step it is read, not changed (but for a relay that drops out). So all four stages
+see the same model.
 
 The functions are ordinary Python: compiled for models that numba can compile, run as they are for others.
 """
@@ -32,8 +32,9 @@ from errorscreen.engine.codegen import fingerprint_of, load_generated
 #: states come first, then inputs and internal signals), of the state that receives a spill (-1: none), of the effect's
 #: own state (-1: none), and of its first parameter
 ROW = ("template", "place", "target", "reads", "into", "state", "first")
-#: constants of each row: size of the signal; begin of the event and rate of the clock, for unknown signals
-ROW_CONSTANTS = ("size", "begin", "rate")
+#: constants of each row: size of the signal; begin of the event and rate of the clock, for unknown signals; whether the
+#: quantity is an input that is held between samples
+ROW_CONSTANTS = ("size", "begin", "rate", "held")
 #: what a row remembers: output and input (of a relay: whether it has dropped out) at the beginning of the step, timer,
 #: distance from a threshold
 MEMORIES = 4
@@ -66,11 +67,20 @@ def _hats(t: Any, begin: Any, rate: Any, q: Any, i: Any, first: Any) -> Any:
 
 
 @register_jitable(forceinline=True)
-def _late(v: Any, d: Any, h: Any, k: Any, tau: Any, history: Any, r: Any) -> Any:
-    """Value d seconds ago, (G15); what was before the record began is the first value."""
+def _late(
+    v: Any, d: Any, h: Any, k: Any, tau: Any, history: Any, r: Any, held: Any, after: Any
+) -> Any:  # fmt: skip
+    """Value d seconds ago, (G15); what was before the record began is the first value.
+
+    What is remembered is the value just before each step began, which an input that is held has had since the step
+    before.
+    """
     position = k + (tau - d) / h
     if position <= 0.0:
         return history[r, 0]
+    if held:
+        i = math.ceil(position + 1e-9) if after else math.ceil(position - 1e-9)
+        return history[r, i] if i <= k else v
     i = int(position)
     if i + 1 <= k:
         return history[r, i] + (position - i) * (history[r, i + 1] - history[r, i])
@@ -113,18 +123,19 @@ def _act(
         return transforms.saturation(v, a, q[i, first + 1], q[i, first + 2])
     if kind == LATENT:
         return v + a * _hats(t, owns[r, 1], owns[r, 2], q, i, first + 1)
-    return _remembered(r, table, q, i, v, s, tau, h, k, begin, memory, history)
+    return _remembered(r, table, owns, q, i, v, s, tau, h, k, begin, memory, history)
 
 
 @register_jitable(forceinline=True)
 def _remembered(
-    r: Any, table: Any, q: Any, i: Any, v: Any, s: Any, tau: Any, h: Any, k: Any, begin: Any, memory: Any,
-    history: Any,
+    r: Any, table: Any, owns: Any, q: Any, i: Any, v: Any, s: Any, tau: Any, h: Any, k: Any, begin: Any,
+    memory: Any, history: Any,
 ) -> Any:  # fmt: skip
     """The same for effects with a memory; before the record all has been at rest."""
     kind, first = table[r, 0], table[r, 6]
     a = q[i, first]
     start = begin and k == 0
+    after = tau == 0.0 and not begin  # just behind the beginning, where an input that is held has jumped
     if start:
         memory[r, 0], memory[r, 1], memory[r, 2], memory[r, 3] = v, v, 0.0, 0.0
         if kind >= RELAY_ABOVE:
@@ -132,7 +143,7 @@ def _remembered(
     if kind == DELAY:
         if begin:
             history[r, k] = v
-        return _late(v, a, h, k, 0.0 if begin else tau, history, r)
+        return _late(v, a, h, k, 0.0 if begin else tau, history, r, owns[r, 3] > 0.0, after)
     if kind >= RELAY_ABOVE:
         distance = s - q[i, first + 1] if kind == RELAY_ABOVE else q[i, first + 1] - s
         # one instant inside is enough to drop out, also between the beginnings of two steps: memory[r, 1] notes it
@@ -140,9 +151,9 @@ def _remembered(
         if memory[r, 1] > 0.0:
             before, timer = -abs(distance), 0.0  # half a step ago, on average
         timer = 0.0 if start else transforms.time_beyond(distance, before, timer, tau)
-        if begin:
+        if begin or after:
             memory[r, 1], memory[r, 2], memory[r, 3] = 0.0, timer, distance
-        elif distance <= 0.0:
+        elif distance <= 0.0 and memory[r, 3] > 0.0:
             memory[r, 1] = 1.0
         elif memory[r, 1] > 0.0:
             timer = 0.0
@@ -154,7 +165,9 @@ def _remembered(
     else:
         w = transforms.backlash(v, memory[r, 0], a)
     if begin:
-        memory[r, 0], memory[r, 1] = w, v
+        memory[r, 0] = w
+    if begin or after:
+        memory[r, 1] = v
     return w
 
 
@@ -185,26 +198,50 @@ def _apply(
 
 
 @register_jitable(forceinline=True)
+def _drive(
+    law: Any, t: Any, tau: Any, h: Any, k: Any, begin: Any, from_step: Any, stage: Any, x: Any, inputs: Any,
+    n_signals: Any, n_states: Any, p: Any, table: Any, owns: Any, q: Any, i: Any, memory: Any, history: Any,
+    u: Any, dx: Any, active: Any,
+) -> Any:  # fmt: skip
+    """Inputs and internal signals with their effects."""
+    n = inputs.shape[2]
+    for j in range(n):
+        u[j] = inputs[from_step, stage, j]
+    if active[INPUT]:
+        _apply(INPUT, u, 0, x, u, t, tau, h, k, begin, n_states, table, owns, q, i, memory, history, dx)
+    if n_signals > 0:
+        for j in range(n, n + n_signals):
+            u[j] = np.nan  # what the law does not write must show
+        law(t, x[:n_states], u, p, u[n:])
+        if active[SIGNAL]:
+            _apply(SIGNAL, u, n, x, u, t, tau, h, k, begin, n_states, table, owns, q, i, memory, history, dx)
+
+
+@register_jitable(forceinline=True)
 def _evaluate(
     rhs: Any, law: Any, t: Any, tau: Any, h: Any, k: Any, stage: Any, x: Any, inputs: Any, n_signals: Any,
     n_states: Any, p: Any, table: Any, owns: Any, q: Any, i: Any, memory: Any, history: Any, u: Any, dx: Any,
     active: Any,
 ) -> Any:  # fmt: skip
     """Derivatives at the beginning of step k (stage 0), in its middle (1) or at its end (2), with all effects."""
-    n, begin = inputs.shape[2], stage == 0
-    for j in range(n):
-        u[j] = inputs[k, stage, j]
+    if stage == 0 and (active[INPUT] or active[SIGNAL]):
+        # bring the memories up to date with what was just before: an input that is held jumps here
+        before, end = (k - 1, 2) if k > 0 else (0, 0)
+        _drive(
+            law, t, h, h, k, True, before, end, x, inputs, n_signals, n_states, p, table, owns, q, i, memory,
+            history, u, dx, active,
+        )  # fmt: skip
+    _drive(
+        law, t, tau, h, k, False, k, stage, x, inputs, n_signals, n_states, p, table, owns, q, i, memory, history,
+        u, dx, active,
+    )  # fmt: skip
+    for j in range(n_states):
+        dx[j] = np.nan  # what rhs does not write must show: an error inside machine code ends it silently
     for j in range(n_states, dx.shape[0]):
         dx[j] = 0.0
-    if active[INPUT]:
-        _apply(INPUT, u, 0, x, u, t, tau, h, k, begin, n_states, table, owns, q, i, memory, history, dx)
-    if n_signals > 0:
-        law(t, x, u, p, u[n:])
-        if active[SIGNAL]:
-            _apply(SIGNAL, u, n, x, u, t, tau, h, k, begin, n_states, table, owns, q, i, memory, history, dx)
-    rhs(t, x, u, p, dx)
+    rhs(t, x[:n_states], u, p, dx[:n_states])
     if active[EQUATION]:
-        _apply(EQUATION, dx, 0, x, u, t, tau, h, k, begin, n_states, table, owns, q, i, memory, history, dx)
+        _apply(EQUATION, dx, 0, x, u, t, tau, h, k, False, n_states, table, owns, q, i, memory, history, dx)
 
 
 def integrate(
@@ -228,7 +265,7 @@ def integrate(
         Measured inputs at the beginning, in the middle and at the end of each step.
     n_signals, n_states : int
         Internal signals, and the model's own states.
-    table, owns : ndarray of shape (rows, 7), int, and (rows, 3)
+    table, owns : ndarray of shape (rows, 7), int, and (rows, 4)
         See `ROW` and `ROW_CONSTANTS`.
     t0, h : float
         First instant and step in seconds.
@@ -261,12 +298,14 @@ def integrate(
                 for j in range(nx):
                     w[j] = x[j] + late * h * f[j]
                 _evaluate(
-                    rhs, law, t + late * h, late * h if stage else h, h, k, (stage + 1) // 2, w, inputs,
+                    rhs, law, t + late * h, late * h, h, k, (stage + 1) // 2, w, inputs,
                     n_signals, n_states, own, table, owns, q, i, memory, history, u, f, active,
                 )  # fmt: skip
                 if stage == 0:
                     if k % every == 0:
-                        readout(t, x, u, own, y)
+                        for j in range(n_outputs):
+                            y[j] = np.nan
+                        readout(t, x[:n_states], u, own, y)
                         if active[OUTPUT]:
                             _apply(
                                 OUTPUT, y, 0, x, u, t, every * h, every * h, k // every, True, n_states, table,

@@ -21,6 +21,8 @@ from errorscreen.simulators.user_functions import selection
 if TYPE_CHECKING:
     from errorscreen.simulators.ode import ODESimulator
 
+#: templates of dry friction
+_DRY = ("coulomb", "stribeck")
 #: points at which it is tried whether a derivative is another state
 _TRIALS = 8
 
@@ -58,10 +60,11 @@ def library(
             if np.isfinite(row).any():
                 low, high = ranges[name]
                 ranges[name] = (min(low, float(np.nanmin(row))), max(high, float(np.nanmax(row))))
-    rates = _rates(simulator, ranges)
+    derivatives = _rates(simulator, ranges)
+    rates = {derivative: state for state, derivative in derivatives.items()}
     event = simulator.event
     anatomy = Anatomy(
-        tuple(name for name in simulator.states if name not in rates.values()),
+        tuple(name for name in simulator.states if name not in derivatives),
         simulator.states, rates, simulator.inputs, simulator.signals, simulator.channels, units, ranges,
         float(event.time[-1] - event.time[0]), event.dt, step,
     )  # fmt: skip
@@ -82,7 +85,7 @@ def effect_table(
     Returns
     -------
     table : ndarray of shape (rows, 7), int
-    owns : ndarray of shape (rows, 3)
+    owns : ndarray of shape (rows, 4)
     q : ndarray of shape (n, l)
         Parameters of the effects.
     extra : int
@@ -101,9 +104,9 @@ def effect_table(
     }
     # an event that begins with the record's last sample still leaves an unknown signal a window
     begin = min(event.start, event.time[-1] - event.dt)
-    for effect in simulator.extensions:
-        if not isinstance(effect, GenericEffect):
-            continue
+    effects = [e for e in simulator.extensions if isinstance(e, GenericEffect)]
+    # dry friction balances all that acts beside it, (G10)
+    for effect in sorted(effects, key=lambda e: e.template in _DRY):
         row = {
             "template": NUMBERS[effect.template],
             "place": PLACES.index(effect.acts_on),
@@ -114,7 +117,13 @@ def effect_table(
             "first": len(columns),
         }
         rows.append([row[name] for name in ROW])
-        constants = {"size": effect.size, "begin": begin, "rate": KNOTS**2 / (event.time[-1] - begin)}
+        held = simulator.interpolation == "hold" and effect.acts_on == "input"
+        constants = {
+            "size": effect.size,
+            "begin": begin,
+            "rate": KNOTS**2 / (event.time[-1] - begin),
+            "held": float(held),
+        }
         owns.append([constants[name] for name in ROW_CONSTANTS])
         columns += [simulator.parameters.index(effect.local(p.name)) for p in effect.parameters]
         extra += len(effect.states)
@@ -152,20 +161,27 @@ def _ranges(simulator: ODESimulator) -> tuple[dict[str, tuple[float, float]], fl
 
 
 def _rates(simulator: ODESimulator, ranges: Mapping[str, tuple[float, float]]) -> dict[str, str]:
-    """States that are by definition the derivative of another one, and that one: such an equation lacks nothing."""
+    """States that are by definition the derivative of another one, by that one: such an equation lacks nothing."""
     rng = np.random.default_rng(0)
     rhs = simulator._functions[0]
     others = (*simulator.inputs, *simulator.signals)
     p = np.r_[simulator.parameters.nominal[: simulator._n_own], list(simulator.constants.values())]
     equal = np.ones((len(simulator.states), len(simulator.states)), dtype=bool)
+    tried = 0
     for _ in range(_TRIALS):
-        x = _drawn(rng, simulator.states, ranges)
-        dx = np.full(len(x), np.nan)
-        with np.errstate(all="ignore"):
-            rhs(0.0, x, _drawn(rng, others, ranges), p * rng.uniform(0.9, 1.1, len(p)), dx)
+        x, u = _drawn(rng, simulator.states, ranges), _drawn(rng, others, ranges)
+        t, dx = float(rng.uniform(*simulator.event.time[[0, -1]])), np.full(len(x), np.nan)
+        try:
+            with np.errstate(all="ignore"):
+                rhs(t, x.copy(), u, p * rng.uniform(0.9, 1.1, len(p)), dx)
+        except Exception:
+            continue
+        tried += 1
         equal &= dx[:, None] == x[None, :]
+    if not tried:
+        return {}
     return {
-        simulator.states[j]: simulator.states[i] for i, j in zip(*np.nonzero(equal), strict=True) if i != j
+        simulator.states[i]: simulator.states[j] for i, j in zip(*np.nonzero(equal), strict=True) if i != j
     }
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import inspect
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
+from types import CodeType
 from typing import Any
 
 import numpy as np
@@ -34,6 +36,36 @@ def selection(rows: tuple[int, ...], n_states: int) -> Function:
             y[j] = x[i] if i < n_states else u[i - n_states]
 
     return readout
+
+
+def identity(function: Any) -> str:
+    """Fingerprint of a function: its code, constants, and the values of its closure and of globals it names."""
+    return hashlib.sha256("\n".join(_parts(function)).encode()).hexdigest()[:16]
+
+
+def _parts(function: Any) -> Iterator[str]:
+    code = getattr(function, "__code__", None)
+    if code is None:  # an object that is called: what it is made of
+        yield f"{type(function).__qualname__} {sorted(vars(function).items()) if hasattr(function, '__dict__') else ''}"
+        return
+    yield from _parts_of_code(code)
+    closure = function.__closure__ or ()
+    yield from (repr(cell.cell_contents) for cell in closure if not callable(cell.cell_contents))
+    known = function.__globals__
+    values = ((name, known[name]) for name in code.co_names if name in known)
+    yield from (
+        f"{name} = {value!r}" for name, value in values if isinstance(value, int | float | str | tuple)
+    )
+
+
+def _parts_of_code(code: CodeType) -> Iterator[str]:
+    yield code.co_code.hex()
+    yield repr((code.co_names, code.co_varnames))
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _parts_of_code(constant)
+        else:
+            yield repr(constant)
 
 
 def evaluate_once(
@@ -87,7 +119,17 @@ def _machine_code(function: Function) -> Any:
 
     from errorscreen.simulators.ode_kernel import USER
 
-    return numba.cfunc(USER, error_model="numpy")(function)
+    # what reads or writes beyond an array must not reach foreign memory
+    inner = numba.njit(error_model="numpy", boundscheck=True)(function)
+
+    def guarded(t: Any, x: Any, u: Any, p: Any, out: Any) -> None:
+        try:
+            inner(t, x, u, p, out)
+        except Exception:  # machine code cannot raise through a pointer: such a simulation becomes no number
+            for j in range(out.shape[0]):
+                out[j] = np.nan
+
+    return numba.cfunc(USER, error_model="numpy")(guarded)
 
 
 def compile_all(functions: Sequence[Function]) -> tuple[bool, list[Any]]:

@@ -123,3 +123,16 @@ def test_unknown_is_compared_with_all_that_predicts_the_same(other, name):
     )
     assert causes[0].name == name
     assert max(causes, key=lambda c: c.probability).name == "unknown"
+
+
+@pytest.mark.parametrize(("left", "name"), [(0.5, "exciter"), (5.0, "exciter + governor")])
+def test_a_trace_of_a_second_effect_is_the_form_of_the_first(left, name):
+    causes = rank_causes(
+        competition(
+            ((), 1000.0, 0.001, -500.0),
+            ((EXCITER,), left, 0.001, -40.0),
+            ((EXCITER, GOVERNOR), 0.0, 0.4, -20.0),
+        )
+    )
+    assert causes[0].name == name
+    assert causes[0].exact == (name != "exciter")

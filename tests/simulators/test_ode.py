@@ -198,23 +198,19 @@ def stored_and_outflow(t, x, u, p, y):
     y[1] = p[1] * max(x[1], 0.0) ** 0.5
 
 
-def integrator(event, **options):
-    """A model whose output is its input, so that what happens to the input is seen directly."""
+def integrating_rhs(t, x, u, p, dx):
+    dx[0] = p[0] * u[0]
 
-    def rhs(t, x, u, p, dx):
-        dx[0] = p[0] * u[0]
 
-    def readout(t, x, u, p, y):
-        y[0] = u[0]
-
+def integrator(event, outputs_of="u", **options):
+    """A model whose output is its input, so that what happens to the input is seen directly, or its integral."""
     return ODESimulator(
-        rhs,
+        integrating_rhs,
         ["x"],
         [Parameter("a", 1.0, 0.5, 2.0)],
         event,
         inputs=["u"],
-        outputs=["y"],
-        readout=readout,
+        outputs=[outputs_of],
         **options,
     )
 
@@ -469,7 +465,7 @@ def test_mistakes_in_functions_are_named(kind, text):
         ({"initial": {"speed": 1.0}}, "unknown state 'speed'"),
         ({"initial": {"velocity": "measured"}}, "is no output"),
         ({"initial": {"position": "guess"}}, "'guess'"),
-        ({"initial": {"position": "measured"}}, "holds no measurements"),
+        ({"initial": {"position": "measured"}}, "no reading of it at the beginning"),
         ({"step": 0.0}, "the step"),
         ({"recordings": []}, "empty"),
         (
@@ -543,3 +539,156 @@ def test_ranges_of_effects_hold_every_recording():
         p for e in oscillator(recordings).effects if e.name == "saturation_position" for p in e.parameters[2:]
     )
     assert limit.upper > truth.baseline(events[1]).max()
+
+
+def from_the_end_rhs(t, x, u, p, dx):
+    dx[-2] = x[-1]
+    dx[-1] = u[-1] - p[0] * x[-1] - p[1] * x[-2]
+
+
+def test_functions_see_their_own_states_only():
+    # a hysteresis has a state of its own, behind the model's
+    simulator = ODESimulator(
+        from_the_end_rhs, ["position", "velocity"], oscillator().parameters, push(), inputs=["force"],
+        outputs=["position"],
+    )  # fmt: skip
+    assert np.array_equal(simulator.baseline(), BUILT["oscillator"].baseline())
+    check_effect(simulator, "velocity.hysteresis(velocity)")
+    theta = [0.4, 4.0, 0.3, 0.1]
+    same = BUILT["oscillator"].extend("velocity.hysteresis(velocity)").simulate(theta).values
+    assert np.array_equal(simulator.extend("velocity.hysteresis(velocity)").simulate(theta).values, same)
+
+
+def later_beyond(t, x, u, p, dx):
+    dx[0] = x[1]
+    dx[1] = u[0] - p[0] * x[1] - p[1] * x[0]
+    if t > 5.0:
+        dx[1] += p[7]
+
+
+def later_raises(t, x, u, p, dx):
+    dx[0] = x[1]
+    dx[1] = u[0] - p[0] * x[1] - p[1] * x[0]
+    if x[0] > 0.5 and p[1] < 3.0:
+        raise ValueError("too far")
+
+
+def overflows(t, x, u, p, dx):
+    dx[0] = x[1]
+    dx[1] = u[0] - p[0] * x[1] - p[1] * x[0] + 1e-9 * np.exp(100.0 * x[0])
+
+
+def arguments():
+    return ["position", "velocity"], oscillator().parameters, push()
+
+
+NAMED = {"inputs": ["force"], "outputs": ["position"]}
+
+
+def test_indices_that_do_not_exist_never_reach_foreign_memory():
+    with pytest.raises(SimulationError, match="diverges at its nominal parameters"):
+        ODESimulator(later_beyond, *arguments(), **NAMED)
+
+
+@pytest.mark.parametrize("compile", [True, False])
+def test_errors_inside_functions_are_data(compile):
+    simulator = ODESimulator(later_raises, *arguments(), **NAMED, compile=compile, effects=())
+    responses = simulator.simulate([[0.4, 4.0], [0.2, 1.5], [0.4, 4.0]])
+    assert responses.ok.tolist() == [True, False, True]
+    assert np.array_equal(responses.values[0], responses.values[2])
+
+
+def log_level_rhs(t, x, u, p, dx):
+    dx[0] = u[0] - p[0] * np.sqrt(x[0])
+
+
+def test_a_model_that_is_not_defined_below_zero_is_accepted():
+    event = InputSignal(TIME, "fill", 0.0, {"flow": 0.3 + 0.2 * np.sin(TIME)})
+    level = np.abs(np.random.default_rng(0).normal(0.4, 0.3, len(TIME))) - 0.2
+    recording = Recording.from_signals(TIME, {**event.signals, "level": level}, noise={"level": 0.3})
+    model = ODESimulator(
+        log_level_rhs, ["level"], [Parameter("a", 0.5, 0.2, 1.0)], recording, inputs=["flow"], outputs=["level"],
+        initial={"level": 0.4},
+    )  # fmt: skip
+    check_simulator(model)
+
+
+def test_a_start_at_the_far_end_of_its_range_is_found():
+    far = Parameter("x0", 1.0, 0.0, 10.0)
+    model = oscillator(push("fitted"), initial={"position": far})
+    y = oscillator(push("unseen", 5), initial={"position": 9.0}).baseline()[0]
+    settled = model.settled(model.observe(recorded(push("unseen", 5), y, "unseen")))
+    assert settled.event.initial["position"] == pytest.approx(9.0, abs=0.1)
+
+
+def test_a_measured_start_needs_a_reading():
+    event = push("gap")
+    y = np.where(TIME < 1.0, np.nan, 1.0)
+    with pytest.raises(InputError, match="no reading of it at the beginning"):
+        oscillator(recorded(event, y, "gap"), initial={"position": "measured"})
+
+
+def test_settings_tell_models_apart():
+    def build(factor):
+        def rhs(t, x, u, p, dx):
+            dx[0] = -factor * p[0] * x[0]
+
+        return ODESimulator(
+            rhs, ["x"], [Parameter("a", 1.0, 0.5, 2.0)], InputSignal(TIME, "free"), outputs=["x"],
+            initial={"x": 1.0}, effects=(),
+        )  # fmt: skip
+
+    assert build(2.0).settings() == build(2.0).settings()
+    assert build(2.0).settings() != build(3.0).settings()
+
+
+HELD = InputSignal(TIME, "held", 0.0, {"u": 1.0 * (TIME >= 1.0) - 2.0 * (TIME >= 4.0)})
+
+
+@pytest.mark.parametrize("step", [0.02, 0.005])
+def test_what_is_held_is_held_behind_lags_and_delays_too(step):
+    model = integrator(HELD, interpolation="hold", step=step, outputs_of="x")
+    plain = model.baseline(HELD)[0]
+    delayed = model.extend("u.delay").simulate([1.0, 0.2], HELD).values[0, 0]
+    assert np.allclose(delayed[10:], plain[:-10], atol=1e-9)
+    T = 0.3
+    lagged = (
+        integrator(HELD, interpolation="hold", step=step)
+        .extend("u.lag")
+        .simulate([1.0, T], HELD)
+        .values[0, 0]
+    )
+    t = TIME
+    exact = np.where(t < 1, 0, 1 - np.exp(-(t - 1) / T))
+    exact = np.where(t < 4, exact, -1 + (2 - np.exp(-3 / T)) * np.exp(-(t - 4) / T))
+    assert np.allclose(lagged[1:], exact[1:], atol=1e-9)
+
+
+@given(st.floats(0.9, 1.1))
+@settings(max_examples=20, deadline=None)
+def test_a_relay_counts_from_the_instant_and_not_from_the_step(theta):
+    # the ramp reaches theta at theta seconds, between two steps
+    ramp = InputSignal(TIME, "ramp", 0.0, {"u": TIME.copy()})
+    model = integrator(ramp, outputs_of="x").extend("u.relay_above(u)")
+    x = model.simulate([1.0, 1.0, theta, 0.5], ramp).values[0, 0]
+    assert x[-1] == pytest.approx(0.5 * (theta + 0.5) ** 2, abs=2e-4)
+
+
+@pytest.mark.parametrize("effect", ["backlash_position", "rate_limit_position"])
+def test_another_effect_at_strength_zero_changes_nothing(effect):
+    simulator = oscillator(step=0.005).extend(effect)
+    theta = simulator.parameters.nominal
+    expected = simulator.simulate(theta).values
+    assert np.array_equal(simulator.extend("skew_position").simulate([*theta, 0.0]).values, expected)
+
+
+def test_the_order_of_effects_does_not_matter_to_friction():
+    names = ("velocity.coulomb(velocity)", "velocity.offset")
+    one, two = (oscillator().extend(a).extend(b) for a, b in (names, names[::-1]))
+    y, z = one.simulate([0.4, 4.0, 1.0, 0.8]).values, two.simulate([0.4, 4.0, 0.8, 1.0]).values
+    assert np.allclose(y, z, atol=1e-12)
+
+
+def test_a_readout_needs_names_of_its_own():
+    with pytest.raises(InputError, match="the outputs position have the names of states"):
+        ODESimulator(oscillator_rhs, *arguments(), **NAMED, readout=lambda t, x, u, p, y: None)

@@ -170,9 +170,11 @@ def _hysteresis(at: Scales) -> tuple[Parameter, ...]:
     position = model.rates.get(at.signal)
     way = model.span(position) if position else 0.05 * model.duration * model.size(at.signal)
     unit = model.units.get(position, "") if position else f"{at.unit} s".strip()
+    # a rise within half a step could not be integrated
+    shortest = min(max(0.003 * way, 0.5 * model.size(at.signal) * model.step), 0.05 * way)
     return (
         at.positive("F", 2.0 * at.effort, at.rate, "force"),
-        at.between("y", 0.003 * way, way, unit, "y", "distance over which it rises", 0.1 * way),
+        at.between("y", shortest, way, unit, "y", "distance over which it rises", 0.1 * way),
     )
 
 
@@ -250,8 +252,10 @@ def per(unit: str, by: str, order: int = 1) -> str:
     Examples
     --------
     >>> per("m/s", "s"), per("N", "m", 3), per("", "s")
-    ('m/s/s', 'N/(m)³', '1/s')
+    ('m/s/s', 'N/m³', '1/s')
     """
     if not by:
         return unit
-    return f"{unit or '1'}/{by if order == 1 else f'({by})' + ' ²³'[order - 1]}"
+    power = " ²³"[order - 1].strip()
+    compound = any(mark in by for mark in "/ ·") or (power and len(by) > 1)
+    return f"{unit or '1'}/{f'({by})' if compound else by}{power}"
