@@ -35,6 +35,7 @@ from errorscreen.simulators.signal_records import (
 )
 from errorscreen.simulators.user_functions import (
     Function,
+    check_outputs,
     compile_all,
     evaluate_once,
     identity,
@@ -164,20 +165,11 @@ class ODESimulator(Simulator):
             raise InputError("signals and law are not given together", allowed="both, or none")
         self.channels, of_outputs = named(outputs, "outputs")
         inside = {**of_states, **of_inputs, **of_signals}
+        check_outputs(self.channels, inside, readout is not None)
         self._selected: tuple[int, ...] | None = None
         if readout is None:
-            for name in self.channels:
-                if name not in inside:
-                    raise unknown_name(
-                        name, inside, kind="output", remedy="Outputs that are no states need a readout"
-                    )
             self._selected = tuple(quantities.index(name) for name in self.channels)
             readout = selection(self._selected, len(self.states))
-        elif clashes := [name for name in self.channels if name in inside]:
-            raise InputError(
-                f"the outputs {', '.join(clashes)} have the names of states, inputs or signals",
-                remedy="Give what a readout computes a name of its own, or leave the readout out",
-            )
         self.units = tuple(of_outputs[name] or inside.get(name, "") for name in self.channels)
         self.interpolation, self.n_threads = interpolation, n_threads
         self.constants = {k: check_real(v, f"the constant {k}") for k, v in (constants or {}).items()}
@@ -207,9 +199,8 @@ class ODESimulator(Simulator):
         )
         if effects is None:
             measurements = [item for item in seen if isinstance(item, Observation)]
-            effects = library(
-                self, {**inside, **dict(zip(self.channels, self.units, strict=True))}, measurements, templates
-            )
+            units = inside | dict(zip(self.channels, self.units, strict=True))
+            effects = library(self, units, measurements, templates)
         self.effects = tuple(effects)
 
     def __repr__(self) -> str:
@@ -360,8 +351,8 @@ class ODESimulator(Simulator):
                 kernel(*arguments, *rooms, first, last)
                 return
             for i in range(first, last):
-                # as machine code does: what cannot be computed is no number, and that simulation has failed
-                with contextlib.suppress(ArithmeticError, ValueError):
+                # as machine code does: whatever it raises, that simulation has failed, and the others go on
+                with contextlib.suppress(Exception):
                     kernel(*arguments, *rooms, i, i + 1)
 
         with np.errstate(all="ignore"):
@@ -402,8 +393,7 @@ class ODESimulator(Simulator):
         u = np.array([float(self.event.signals[name][0]) for name in self.inputs])
         t = float(self.event.time[0])
         if self.signals:
-            u = np.r_[
-                u, evaluate_once("law", law, self.signals, t, x, np.r_[u, np.zeros(len(self.signals))], p)
-            ]
+            blank = np.zeros(len(self.signals))
+            u = np.r_[u, evaluate_once("law", law, self.signals, t, x, np.r_[u, blank], p)]
         evaluate_once("rhs", rhs, [f"dx of {name}" for name in self.states], t, x, u, p)
         evaluate_once("readout", readout, self.channels, t, x, u, p)

@@ -67,29 +67,6 @@ def _hats(t: Any, begin: Any, rate: Any, q: Any, i: Any, first: Any) -> Any:
 
 
 @register_jitable(forceinline=True)
-def _late(
-    v: Any, d: Any, h: Any, k: Any, tau: Any, history: Any, r: Any, held: Any, after: Any
-) -> Any:  # fmt: skip
-    """Value d seconds ago, (G15); what was before the record began is the first value.
-
-    What is remembered is the value just before each step began, which an input that is held has had since the step
-    before.
-    """
-    position = k + (tau - d) / h
-    if position <= 0.0:
-        return history[r, 0]
-    if held:
-        i = math.ceil(position + 1e-9) if after else math.ceil(position - 1e-9)
-        return history[r, i] if i <= k else v
-    i = int(position)
-    if i + 1 <= k:
-        return history[r, i] + (position - i) * (history[r, i + 1] - history[r, i])
-    if tau <= 0.0:
-        return v
-    return history[r, k] + (position - k) * h / tau * (v - history[r, k])
-
-
-@register_jitable(forceinline=True)
 def _act(
     r: Any, table: Any, owns: Any, q: Any, i: Any, v: Any, s: Any, t: Any, tau: Any, h: Any, k: Any, begin: Any,
     memory: Any, history: Any, z: Any,
@@ -143,7 +120,7 @@ def _remembered(
     if kind == DELAY:
         if begin:
             history[r, k] = v
-        return _late(v, a, h, k, 0.0 if begin else tau, history, r, owns[r, 3] > 0.0, after)
+        return transforms.delay(v, a, h, k, 0.0 if begin else tau, history, r, owns[r, 3] > 0.0, after)
     if kind >= RELAY_ABOVE:
         distance = s - q[i, first + 1] if kind == RELAY_ABOVE else q[i, first + 1] - s
         # one instant inside is enough to drop out, also between the beginnings of two steps: memory[r, 1] notes it

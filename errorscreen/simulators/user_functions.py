@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import inspect
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import lru_cache
 from types import CodeType
 from typing import Any
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from errorscreen.exceptions import EngineWarning, InputError
+from errorscreen.exceptions import EngineWarning, InputError, unknown_name
 
 Function = Callable[..., Any]
 _ARGUMENTS = {"rhs": "(t, x, u, p, dx)", "law": "(t, x, u, p, v)", "readout": "(t, x, u, p, y)"}
@@ -66,6 +66,28 @@ def _parts_of_code(code: CodeType) -> Iterator[str]:
             yield from _parts_of_code(constant)
         else:
             yield repr(constant)
+
+
+def check_outputs(outputs: Sequence[str], inside: Iterable[str], readout: bool) -> None:
+    """Raise `InputError` unless outputs are quantities of the model, or have names of their own where it has a readout.
+
+    Parameters
+    ----------
+    outputs : sequence of str
+    inside : iterable of str
+        States, inputs and internal signals.
+    readout : bool
+    """
+    known = list(inside)
+    clashes = [name for name in outputs if name in known]
+    if readout and clashes:
+        raise InputError(
+            f"the outputs {', '.join(clashes)} have the names of states, inputs or signals",
+            remedy="Give what a readout computes a name of its own, or leave the readout out",
+        )
+    for name in () if readout else outputs:
+        if name not in known:
+            raise unknown_name(name, known, kind="output", remedy="Outputs that are no states need a readout")
 
 
 def evaluate_once(

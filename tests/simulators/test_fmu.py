@@ -1,5 +1,6 @@
 import pickle
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,24 +12,9 @@ from errorscreen.simulators import CallableSimulator
 from errorscreen.simulators.fmu import FMU
 from errorscreen.testing import check_simulator
 
-SOURCE = """
-from math import exp
-from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
-
-class Lag(Fmi2Slave):
-    def __init__(self, **options):
-        super().__init__(**options)
-        self.K, self.T, self.u, self.y = 1.0, 1.0, 0.0, 0.0
-        for name in ("K", "T"):
-            kind = {"causality": Fmi2Causality.parameter, "variability": Fmi2Variability.tunable}
-            self.register_variable(Real(name, **kind))
-        self.register_variable(Real("u", causality=Fmi2Causality.input))
-        self.register_variable(Real("y", causality=Fmi2Causality.output))
-
-    def do_step(self, time, step):
-        self.y += (1 - exp(-step / self.T)) * (self.K * self.u - self.y)
-        return True
-"""
+EXAMPLE = Path(__file__).parents[2] / "examples" / "plot_fmu.py"
+#: the unit of the example
+SOURCE = EXAMPLE.read_text(encoding="utf-8").split('"""')[3]
 TIME = np.arange(0.0, 4.0, 0.1)
 STEP = InputSignal(TIME, "step", 1.0, {"u": 1.0 * (TIME >= 1.0)})
 

@@ -27,7 +27,7 @@ TEMPLATES: dict[str, Equations] = {
     "saturation": transforms.saturation,
     "rate_limit": transforms.rate_limit,
     "lag": transforms.lag,
-    "delay": transforms.lag,
+    "delay": transforms.delay,
     "backlash": transforms.backlash,
     "relay_above": transforms.relay,
     "relay_below": transforms.relay,

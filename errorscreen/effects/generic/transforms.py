@@ -66,6 +66,29 @@ def lag(v: Any, w0: Any, v0: Any, tau: Any, T: Any) -> Any:
 
 
 @register_jitable
+def delay(
+    v: Any, d: Any, h: Any, k: Any, tau: Any, history: Any, r: Any, held: Any, after: Any
+) -> Any:  # fmt: skip
+    """Value d seconds ago, (G15); what was before the record began is the first value.
+
+    What is remembered is the value just before each step began, which an input that is held has had since the step
+    before.
+    """
+    position = k + (tau - d) / h
+    if position <= 0.0:
+        return history[r, 0]
+    if held:
+        i = math.ceil(position + 1e-9) if after else math.ceil(position - 1e-9)
+        return history[r, i] if i <= k else v
+    i = int(position)
+    if i + 1 <= k:
+        return history[r, i] + (position - i) * (history[r, i + 1] - history[r, i])
+    if tau <= 0.0:
+        return v
+    return history[r, k] + (position - k) * h / tau * (v - history[r, k])
+
+
+@register_jitable
 def backlash(v: Any, w0: Any, b: Any) -> Any:
     """Play of half width b, (G16)."""
     return clip(w0, v - b, v + b)
