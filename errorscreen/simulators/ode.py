@@ -194,9 +194,7 @@ class ODESimulator(Simulator):
             )
         self._check_functions()
         self._pointers: list[Any]
-        self._compiled, self._pointers = (
-            compile_all(self._functions) if compile else (False, list(self._functions))
-        )
+        self._compiled, self._pointers = compile_all(self._functions, compile)
         if effects is None:
             measurements = [item for item in seen if isinstance(item, Observation)]
             units = inside | dict(zip(self.channels, self.units, strict=True))
@@ -222,7 +220,7 @@ class ODESimulator(Simulator):
         self.__dict__.update(state)
         if self._selected is not None:
             self._functions = (*self._functions, selection(self._selected, len(self.states)))
-        self._pointers = compile_all(self._functions)[1] if self._compiled else list(self._functions)
+        self._pointers = compile_all(self._functions, self._compiled)[1]
 
     def settings(self) -> dict[str, Any]:
         """Functions, constants, step and added effects; see `Simulator.settings`."""
@@ -346,7 +344,7 @@ class ODESimulator(Simulator):
 
         def run(first: int, last: int) -> None:
             sizes = len(self.states) + extra, len(self.inputs) + len(self.signals), n_outputs
-            rooms = ode_kernel.room(*sizes, table, steps)
+            rooms = ode_kernel.room(*sizes, table, steps, last - first)
             if self._compiled:
                 kernel(*arguments, *rooms, first, last)
                 return
@@ -365,7 +363,7 @@ class ODESimulator(Simulator):
 
     def pointer(self, function: Function) -> Any:
         """A further readout, in the form in which `run` takes it."""
-        return compile_all([function])[1][0] if self._compiled else function
+        return compile_all([function], self._compiled)[1][0]
 
     def _injected(self, event: InputSignal, every: int) -> _Array:
         """Inputs of the integrator; the last ones are kept, because a search simulates the same event many times."""

@@ -1,7 +1,8 @@
 r"""Integrates a user's model with generic effects: the method of Runge and Kutta, and an interpreter of the table.
 
 The user's functions are called through pointers, so that this module is compiled once, whatever the model and whatever
-effects are tried: an effect is a row of a table (`ROW`), and which rows act is data.
+effects are tried: an effect is a row of a table (`ROW`), and which rows act is data. A call through a pointer takes
+longer than most right-hand sides, so each serves several simulations (`LANES`), which advance side by side.
 
 At the beginning of each step what has a memory (lag, delay, rate limit, backlash, timers) is brought up to date with
 the values just before; inside the step it is read, not changed (but for a relay that drops out). So all four stages
@@ -38,6 +39,8 @@ ROW_CONSTANTS = ("size", "begin", "rate", "held")
 #: what a row remembers: output and input (of a relay: whether it has dropped out) at the beginning of the step, timer,
 #: distance from a threshold
 MEMORIES = 4
+#: simulations that advance side by side
+LANES = 16
 
 EQUATION, INPUT, SIGNAL, OUTPUT = (PLACES.index(name) for name in ("equation", "input", "signal", "output"))
 VISCOUS, QUADRATIC, CUBIC, DRAG = NUMBERS["viscous"], NUMBERS["quadratic"], NUMBERS["cubic"], NUMBERS["drag"]
@@ -47,11 +50,13 @@ DEAD_BAND, SATURATION, RATE_LIMIT = NUMBERS["dead_band"], NUMBERS["saturation"],
 LAG, DELAY, BACKLASH = NUMBERS["lag"], NUMBERS["delay"], NUMBERS["backlash"]
 RELAY_ABOVE, LATENT = NUMBERS["relay_above"], NUMBERS["latent"]
 
-_VECTOR = types.float64[::1]
-#: of the user's functions: ``rhs(t, x, u, p, dx)``, ``law(t, x, u, p, v)``, ``readout(t, x, u, p, y)``
-USER = types.void(types.float64, _VECTOR, _VECTOR, _VECTOR, _VECTOR)
-_FUNCTION = types.FunctionType(USER)
 _MATRIX, _CUBE, _TABLE = types.float64[:, ::1], types.float64[:, :, ::1], types.int64[:, ::1]
+#: of the user's functions, see `user_functions.side_by_side`: time, states, inputs, parameters and what is written, a
+#: row for each simulation; number of the model's own states; first element that is written, and how many; simulations
+USER = types.void(
+    types.float64, _MATRIX, _MATRIX, _MATRIX, _MATRIX, types.int64, types.int64, types.int64, types.int64
+)
+_FUNCTION = types.FunctionType(USER)
 
 
 @register_jitable(forceinline=True)
@@ -151,82 +156,196 @@ def _remembered(
 @register_jitable(forceinline=True)
 def _apply(
     place: Any, values: Any, offset: Any, x: Any, u: Any, t: Any, tau: Any, h: Any, k: Any, begin: Any,
-    n_states: Any, table: Any, owns: Any, q: Any, i: Any, memory: Any, history: Any, dx: Any,
+    n_states: Any, table: Any, owns: Any, q: Any, lane0: Any, lanes: Any, memory: Any, history: Any, dx: Any,
 ) -> Any:  # fmt: skip
     """Let all effects at one kind of place act on its values (from `offset` on), one after the other."""
     for r in range(table.shape[0]):
-        first = table[r, 6]
-        if table[r, 1] != place or q[i, first] == 0.0:
+        if table[r, 1] != place:
             continue
-        target, reads, own = offset + table[r, 2], table[r, 3], table[r, 5]
-        v = values[target]
-        s = v
-        if reads >= n_states:
-            s = u[reads - n_states]
-        elif reads >= 0:
-            s = x[reads]
-        z = 0.0
-        if own >= 0:
-            z = x[own]
-            dx[own] = terms.hysteresis_slope(s, z, q[i, first + 1])
-        values[target] = _act(r, table, owns, q, i, v, s, t, tau, h, k, begin, memory, history, z)
-        if table[r, 4] >= 0:
-            dx[table[r, 4]] += q[i, first + 2] * terms.spill(s, q[i, first], q[i, first + 1])
+        first, target, reads, own = table[r, 6], offset + table[r, 2], table[r, 3], table[r, 5]
+        for j in range(lanes):
+            i = lane0 + j
+            if q[i, first] == 0.0:  # at strength 0 nothing is done at all
+                continue
+            v = values[j, target]
+            s = v
+            if reads >= n_states:
+                s = u[j, reads - n_states]
+            elif reads >= 0:
+                s = x[j, reads]
+            z = 0.0
+            if own >= 0:
+                z = x[j, own]
+                dx[j, own] = terms.hysteresis_slope(s, z, q[i, first + 1])
+            values[j, target] = _act(
+                r, table, owns, q, i, v, s, t, tau, h, k, begin, memory[j], history[j], z
+            )
+            if table[r, 4] >= 0:
+                dx[j, table[r, 4]] += q[i, first + 2] * terms.spill(s, q[i, first], q[i, first + 1])
 
 
 @register_jitable(forceinline=True)
 def _drive(
     law: Any, t: Any, tau: Any, h: Any, k: Any, begin: Any, from_step: Any, stage: Any, x: Any, inputs: Any,
-    n_signals: Any, n_states: Any, p: Any, table: Any, owns: Any, q: Any, i: Any, memory: Any, history: Any,
-    u: Any, dx: Any, active: Any,
+    n_signals: Any, n_states: Any, p: Any, table: Any, owns: Any, q: Any, lane0: Any, lanes: Any, memory: Any,
+    history: Any, u: Any, dx: Any, active: Any,
 ) -> Any:  # fmt: skip
     """Inputs and internal signals with their effects."""
     n = inputs.shape[2]
-    for j in range(n):
-        u[j] = inputs[from_step, stage, j]
+    for j in range(lanes):
+        for m in range(n):
+            u[j, m] = inputs[from_step, stage, m]
     if active[INPUT]:
-        _apply(INPUT, u, 0, x, u, t, tau, h, k, begin, n_states, table, owns, q, i, memory, history, dx)
+        _apply(
+            INPUT,
+            u,
+            0,
+            x,
+            u,
+            t,
+            tau,
+            h,
+            k,
+            begin,
+            n_states,
+            table,
+            owns,
+            q,
+            lane0,
+            lanes,
+            memory,
+            history,
+            dx,
+        )
     if n_signals > 0:
-        for j in range(n, n + n_signals):
-            u[j] = np.nan  # what the law does not write must show
-        law(t, x[:n_states], u, p, u[n:])
+        law(t, x, u, p, u, n_states, n, n_signals, lanes)
         if active[SIGNAL]:
-            _apply(SIGNAL, u, n, x, u, t, tau, h, k, begin, n_states, table, owns, q, i, memory, history, dx)
+            _apply(
+                SIGNAL, u, n, x, u, t, tau, h, k, begin, n_states, table, owns, q, lane0, lanes, memory, history,
+                dx,
+            )  # fmt: skip
 
 
 @register_jitable(forceinline=True)
 def _evaluate(
     rhs: Any, law: Any, t: Any, tau: Any, h: Any, k: Any, stage: Any, x: Any, inputs: Any, n_signals: Any,
-    n_states: Any, p: Any, table: Any, owns: Any, q: Any, i: Any, memory: Any, history: Any, u: Any, dx: Any,
-    active: Any,
+    n_states: Any, p: Any, table: Any, owns: Any, q: Any, lane0: Any, lanes: Any, memory: Any, history: Any, u: Any,
+    dx: Any, active: Any,
 ) -> Any:  # fmt: skip
     """Derivatives at the beginning of step k (stage 0), in its middle (1) or at its end (2), with all effects."""
     if stage == 0 and (active[INPUT] or active[SIGNAL]):
         # bring the memories up to date with what was just before: an input that is held jumps here
         before, end = (k - 1, 2) if k > 0 else (0, 0)
         _drive(
-            law, t, h, h, k, True, before, end, x, inputs, n_signals, n_states, p, table, owns, q, i, memory,
-            history, u, dx, active,
+            law, t, h, h, k, True, before, end, x, inputs, n_signals, n_states, p, table, owns, q, lane0, lanes,
+            memory, history, u, dx, active,
         )  # fmt: skip
     _drive(
-        law, t, tau, h, k, False, k, stage, x, inputs, n_signals, n_states, p, table, owns, q, i, memory, history,
-        u, dx, active,
+        law, t, tau, h, k, False, k, stage, x, inputs, n_signals, n_states, p, table, owns, q, lane0, lanes, memory,
+        history, u, dx, active,
     )  # fmt: skip
-    for j in range(n_states):
-        dx[j] = np.nan  # what rhs does not write must show: an error inside machine code ends it silently
-    for j in range(n_states, dx.shape[0]):
-        dx[j] = 0.0
-    rhs(t, x[:n_states], u, p, dx[:n_states])
+    for j in range(lanes):
+        for m in range(n_states, dx.shape[1]):
+            dx[j, m] = 0.0
+    rhs(t, x, u, p, dx, n_states, 0, n_states, lanes)
     if active[EQUATION]:
-        _apply(EQUATION, dx, 0, x, u, t, tau, h, k, False, n_states, table, owns, q, i, memory, history, dx)
+        _apply(
+            EQUATION,
+            dx,
+            0,
+            x,
+            u,
+            t,
+            tau,
+            h,
+            k,
+            False,
+            n_states,
+            table,
+            owns,
+            q,
+            lane0,
+            lanes,
+            memory,
+            history,
+            dx,
+        )
+
+
+@register_jitable(forceinline=True)
+def _record(
+    readout: Any, t: Any, h: Any, x: Any, u: Any, p: Any, n_states: Any, table: Any, owns: Any, q: Any, lane0: Any,
+    lanes: Any, memory: Any, history: Any, g: Any, y: Any, active: Any, alive: Any, out: Any, sample: Any,
+) -> Any:  # fmt: skip
+    """Outputs at an instant that is recorded, h seconds after the one before."""
+    readout(t, x, u, p, y, n_states, 0, y.shape[1], lanes)
+    if active[OUTPUT]:
+        _apply(
+            OUTPUT,
+            y,
+            0,
+            x,
+            u,
+            t,
+            h,
+            h,
+            sample,
+            True,
+            n_states,
+            table,
+            owns,
+            q,
+            lane0,
+            lanes,
+            memory,
+            history,
+            g,
+        )
+    for j in range(lanes):
+        if alive[j]:
+            for m in range(y.shape[1]):
+                out[lane0 + j, m, sample] = y[j, m]
+
+
+@register_jitable(forceinline=True)
+def _begin(
+    x0: Any, q: Any, table: Any, lane0: Any, lanes: Any, x: Any, f: Any, active: Any, alive: Any
+) -> Any:
+    """Put simulations to their initial states, and see where effects act on any of them."""
+    for place in range(active.shape[0]):
+        active[place] = False
+    for j in range(lanes):
+        alive[j] = True
+        for m in range(x.shape[1]):
+            x[j, m] = x0[lane0 + j, m]
+            f[j, m] = 0.0
+        for r in range(table.shape[0]):
+            if q[lane0 + j, table[r, 6]] != 0.0:
+                active[table[r, 1]] = True
+
+
+@register_jitable(forceinline=True)
+def _ended(x0: Any, lane0: Any, lanes: Any, x: Any, alive: Any) -> Any:
+    """Whether no simulation is finite any more; what is not goes on from its initial state, unrecorded."""
+    any_alive = False
+    for j in range(lanes):
+        total = 0.0
+        for m in range(x.shape[1]):
+            total += x[j, m]
+        if not math.isfinite(total):
+            alive[j] = False
+            for m in range(x.shape[1]):
+                x[j, m] = x0[lane0 + j, m]
+        any_alive = any_alive or alive[j]
+    return not any_alive
 
 
 def integrate(
-    rhs: Any, law: Any, readout: Any, x0: Any, p: Any, q: Any, inputs: Any, n_signals: Any, n_states: Any,
-    table: Any, owns: Any, t0: Any, h: Any, every: Any, out: Any, vectors: Any, memory: Any, history: Any,
-    active: Any, first: Any, last: Any,
+    rhs: Any, law: Any, readout: Any, x0: Any, parameters: Any, q: Any, inputs: Any, n_signals: Any, n_states: Any,
+    table: Any, owns: Any, t0: Any, h: Any, every: Any, out: Any, states: Any, flat: Any, u: Any, y: Any,
+    memory: Any, history: Any, active: Any, alive: Any, begin: Any, end: Any,
 ) -> Any:  # fmt: skip
-    """Integrate simulations `first` to `last` and record their outputs.
+    """Integrate simulations `begin` to `end` and record their outputs.
 
     Parameters
     ----------
@@ -234,7 +353,7 @@ def integrate(
         The user's functions, see `USER`.
     x0 : ndarray of shape (n, nx + extra)
         Initial states, those of effects behind the model's own.
-    p : ndarray of shape (n, m)
+    parameters : ndarray of shape (n, m)
         Parameters and constants of the model.
     q : ndarray of shape (n, l)
         Parameters of the effects.
@@ -250,69 +369,58 @@ def integrate(
         Outputs are recorded at each `every`-th step.
     out : ndarray of shape (n, R, K // every + 1)
         Written; what follows a value that is not finite is left as it is.
-    vectors, memory, history, active : ndarray
+    states, flat, u, y, memory, history, active, alive : ndarray
         Room to work in, see `room`; nothing is allocated here, because counting references would take most of the time.
-    first, last : int
+    begin, end : int
     """
-    steps, nx, n_outputs = inputs.shape[0], x0.shape[1], out.shape[1]
-    rows = table.shape[0]
-    x, w, f, g = vectors[0, :nx], vectors[1, :nx], vectors[2, :nx], vectors[3, :nx]
-    u, y = vectors[4, : inputs.shape[2] + n_signals], vectors[5, :n_outputs]
-    for i in range(first, last):
-        for j in range(nx):
-            x[j] = x0[i, j]
-            f[j] = 0.0
-        own = p[i]
-        for place in range(active.shape[0]):
-            active[place] = False
-        for r in range(rows):  # at strength 0 nothing is done at all
-            if q[i, table[r, 6]] != 0.0:
-                active[table[r, 1]] = True
+    steps, nx = inputs.shape[0], x0.shape[1]
+    x, w, f, g = states[0], states[1], states[2], states[3]
+    # the same memory, counted through
+    flat_x, flat_w, flat_f, flat_g = flat[0], flat[1], flat[2], flat[3]
+    for lane0 in range(begin, end, LANES):
+        lanes = min(LANES, end - lane0)
+        p, count = parameters[lane0 : lane0 + lanes], lanes * nx
+        _begin(x0, q, table, lane0, lanes, x, f, active, alive)
         for k in range(steps):
             t = t0 + k * h
             for stage in range(4):
                 late = 0.5 * ((stage + 1) // 2)  # 0, 1/2, 1/2, 1 of the step
-                for j in range(nx):
-                    w[j] = x[j] + late * h * f[j]
+                if stage == 0:
+                    for m in range(count):
+                        flat_w[m] = flat_x[m]
+                else:
+                    for m in range(count):
+                        flat_w[m] = flat_x[m] + late * h * flat_f[m]
                 _evaluate(
-                    rhs, law, t + late * h, late * h, h, k, (stage + 1) // 2, w, inputs,
-                    n_signals, n_states, own, table, owns, q, i, memory, history, u, f, active,
+                    rhs, law, t + late * h, late * h, h, k, (stage + 1) // 2, w, inputs, n_signals, n_states, p,
+                    table, owns, q, lane0, lanes, memory, history, u, f, active,
                 )  # fmt: skip
                 if stage == 0:
                     if k % every == 0:
-                        for j in range(n_outputs):
-                            y[j] = np.nan
-                        readout(t, x[:n_states], u, own, y)
-                        if active[OUTPUT]:
-                            _apply(
-                                OUTPUT, y, 0, x, u, t, every * h, every * h, k // every, True, n_states, table,
-                                owns, q, i, memory, history, g,
-                            )  # fmt: skip
-                        for j in range(y.shape[0]):
-                            out[i, j, k // every] = y[j]
+                        _record(
+                            readout, t, every * h, x, u, p, n_states, table, owns, q, lane0, lanes, memory,
+                            history, g, y, active, alive, out, k // every,
+                        )  # fmt: skip
                     if k + 1 == steps:
                         break
-                for j in range(nx):
-                    if stage == 0:
-                        g[j] = f[j]
-                    elif stage < 3:
-                        g[j] += 2.0 * f[j]
-                    else:
-                        g[j] += f[j]
+                    for m in range(count):
+                        flat_g[m] = flat_f[m]
+                else:
+                    weight = 2.0 if stage < 3 else 1.0
+                    for m in range(count):
+                        flat_g[m] += weight * flat_f[m]
             if k + 1 == steps:
                 break
-            total = 0.0
-            for j in range(nx):
-                x[j] += h / 6.0 * g[j]
-                total += x[j]
-            if not math.isfinite(total):
+            for m in range(count):
+                flat_x[m] += h / 6.0 * flat_g[m]
+            if _ended(x0, lane0, lanes, x, alive):
                 break
 
 
 def room(
-    n_states: int, n_inputs: int, n_outputs: int, table: NDArray[np.int64], steps: int
+    n_states: int, n_inputs: int, n_outputs: int, table: NDArray[np.int64], steps: int, n: int
 ) -> tuple[NDArray[Any], ...]:
-    """Arrays for `integrate` to work in, one set for each thread: vectors, memories, past values and flags.
+    """Arrays for `integrate` to work in, one set for each thread.
 
     Parameters
     ----------
@@ -321,22 +429,35 @@ def room(
     table : ndarray of shape (rows, 7), int
     steps : int
         Number of steps K.
+    n : int
+        Simulations; at most `LANES` advance side by side.
+
+    Returns
+    -------
+    states, flat, u, y, memory, history, active, alive : ndarray
+        States in four forms that the method needs, as rows and counted through (the same memory); inputs; outputs;
+        memories and past values of effects; where effects act; which simulations are finite.
     """
-    rows = max(len(table), 1)
+    rows, lanes = max(len(table), 1), min(n, LANES)
     past = steps + 1 if (table[:, 0] == DELAY).any() else 1
+    states = np.zeros((4, lanes, n_states))
     return (
-        np.zeros((6, max(n_states, n_inputs, n_outputs, 1))),
-        np.zeros((rows, MEMORIES)),
-        np.zeros((rows, past)),
+        states,
+        states.reshape(4, -1),
+        np.zeros((lanes, n_inputs)),
+        np.zeros((lanes, n_outputs)),
+        np.zeros((lanes, rows, MEMORIES)),
+        np.zeros((lanes, rows, past)),
         np.zeros(len(PLACES), dtype=np.bool_),
+        np.zeros(lanes, dtype=np.bool_),
     )
 
 
 #: of `integrate` with compiled functions of the user
 SIGNATURE = types.void(
     _FUNCTION, _FUNCTION, _FUNCTION, _MATRIX, _MATRIX, _MATRIX, _CUBE, types.int64, types.int64, _TABLE, _MATRIX,
-    types.float64, types.float64, types.int64, _CUBE, _MATRIX, _MATRIX, _MATRIX, types.boolean[::1], types.int64,
-    types.int64,
+    types.float64, types.float64, types.int64, _CUBE, _CUBE, _MATRIX, _MATRIX, _MATRIX, _CUBE, _CUBE,
+    types.boolean[::1], types.boolean[::1], types.int64, types.int64,
 )  # fmt: skip
 
 _TEMPLATE = '''\

@@ -134,16 +134,42 @@ def evaluate_once(
     return out
 
 
+def side_by_side(function: Function) -> Function:
+    """Evaluate a function of the user for several simulations: of these, ``ode_kernel.USER`` is the signature."""
+
+    def rows(
+        t: Any, x: Any, u: Any, p: Any, out: Any, n_states: Any, first: Any, size: Any, lanes: Any
+    ) -> None:
+        for j in range(lanes):
+            values = out[j][first : first + size]
+            values[:] = np.nan  # what the function does not write must show
+            function(t, x[j][:n_states], u[j], p[j], values)
+
+    return rows
+
+
 @lru_cache
 def _machine_code(function: Function) -> Any:
     """Pointer to a compiled function."""
+    from numba.core.errors import NumbaError
+
+    try:
+        return _pointer(function, counted=False)
+    except NumbaError:  # a function that makes arrays of its own
+        return _pointer(function, counted=True)
+
+
+def _pointer(function: Function, counted: bool) -> Any:
+    """The same; counting references to arrays takes nine tenths of the time of a small function."""
     import numba
 
     from errorscreen.simulators.ode_kernel import USER
 
+    row = numba.types.float64[::1]
     # what reads or writes beyond an array must not reach foreign memory
     inner = numba.njit(error_model="numpy", boundscheck=True)(function)
 
+    @numba.njit(numba.types.void(numba.types.float64, row, row, row, row), error_model="numpy", _nrt=counted)
     def guarded(t: Any, x: Any, u: Any, p: Any, out: Any) -> None:
         try:
             inner(t, x, u, p, out)
@@ -151,19 +177,20 @@ def _machine_code(function: Function) -> Any:
             for j in range(out.shape[0]):
                 out[j] = np.nan
 
-    return numba.cfunc(USER, error_model="numpy")(guarded)
+    return numba.cfunc(USER, error_model="numpy", _nrt=False)(side_by_side(guarded))
 
 
-def compile_all(functions: Sequence[Function]) -> tuple[bool, list[Any]]:
-    """Machine code of the functions, and whether there is any; the functions themselves where numba cannot.
+def compile_all(functions: Sequence[Function], wanted: bool = True) -> tuple[bool, list[Any]]:
+    """Machine code of the functions, and whether there is any; `side_by_side` in Python where numba cannot,
+    or where it is not wanted.
 
     Warns
     -----
     EngineWarning
         With the reason.
     """
-    compiled = []
-    for function in functions:
+    compiled: list[Any] = []
+    for function in functions if wanted else ():
         try:
             # a user's function is compiled anew each time, because what it refers to may have changed
             own = function is nothing or function.__module__ == __name__
@@ -177,5 +204,6 @@ def compile_all(functions: Sequence[Function]) -> tuple[bool, list[Any]]:
                 EngineWarning,
                 stacklevel=3,
             )
-            return False, list(functions)
-    return True, compiled
+            wanted = False
+            break
+    return wanted, compiled if wanted else [side_by_side(function) for function in functions]

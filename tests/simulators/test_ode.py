@@ -331,7 +331,7 @@ def test_pickles_and_copies_simulate_the_same():
 def test_extending_compiles_nothing(monkeypatch):
     simulator = oscillator()
     monkeypatch.setattr(
-        "errorscreen.simulators.ode.compile_all", lambda functions: pytest.fail("compiled again")
+        "errorscreen.simulators.ode.compile_all", lambda *functions: pytest.fail("compiled again")
     )
     for effect in simulator.effects[:5]:
         simulator.extend(effect).baseline()
