@@ -7,7 +7,7 @@ import inspect
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import lru_cache
-from types import CodeType
+from types import CodeType, ModuleType
 from typing import Any
 
 import numpy as np
@@ -148,7 +148,22 @@ def side_by_side(function: Function) -> Function:
     return rows
 
 
-@lru_cache
+def _is_fixed(function: Any) -> bool:
+    """Whether `identity` sees everything that a function refers to: numbers, texts and modules."""
+    code = getattr(function, "__code__", None)
+    if code is None or any(isinstance(constant, CodeType) for constant in code.co_consts):
+        return False
+    values = [cell.cell_contents for cell in function.__closure__ or ()]
+    values += [function.__globals__[name] for name in code.co_names if name in function.__globals__]
+    return all(isinstance(value, int | float | str | ModuleType) for value in values)
+
+
+@lru_cache(maxsize=64)
+def _kept(function: Function, fingerprint: str) -> Any:
+    """Pointer to a function that has not changed since it was compiled."""
+    return _machine_code(function)
+
+
 def _machine_code(function: Function) -> Any:
     """Pointer to a compiled function."""
     from numba.core.errors import NumbaError
@@ -192,9 +207,9 @@ def compile_all(functions: Sequence[Function], wanted: bool = True) -> tuple[boo
     compiled: list[Any] = []
     for function in functions if wanted else ():
         try:
-            # a user's function is compiled anew each time, because what it refers to may have changed
-            own = function is nothing or function.__module__ == __name__
-            compiled.append((_machine_code if own else _machine_code.__wrapped__)(function))
+            # others are compiled anew each time, because what they refer to may have changed
+            known = function is nothing or function.__module__ == __name__ or _is_fixed(function)
+            compiled.append(_kept(function, identity(function)) if known else _machine_code(function))
         except Exception as error:  # numba raises many kinds, also of its own and its compiler's
             reason = next((line for line in str(error).splitlines() if line.strip()), type(error).__name__)
             detail = [line.strip() for line in str(error).splitlines() if line.strip()][-1:]
