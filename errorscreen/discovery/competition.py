@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery.hypotheses import Hypothesis, JointFit, linearised
 from errorscreen.discovery.remainder import Remainder, remainder_test
-from errorscreen.discovery.signatures import Signature, escapes, searched, signature
+from errorscreen.discovery.signatures import SignatureSearch, escapes, searched
 from errorscreen.effects.base import Effect
 from errorscreen.exceptions import SimulationError
 from errorscreen.observations import Observation
@@ -23,6 +24,8 @@ _WORTH = 4.0
 #: effects with the best signatures, for each that is fitted to the end, whose joint fit begins; beside another effect
 #: that explains most of it, signatures say more
 _TRIED, _TRIED_BESIDE = 2, 1
+#: rounds of draws for each effect; those with the best signatures go on, so many times those whose joint fit begins
+_COARSE, _REFINED = 2, 2
 #: starts that are followed and iterations at a time, starts that are kept after the first, times that those that got
 #: furthest go on
 _BEGUN, _FIRST, _KEPT, _SLICES = 3, 5, 2, 6
@@ -136,9 +139,11 @@ class Competition:
         others = [effect for effect in candidates if effect not in base.effects]
         self.tell(f"signatures of {len(others)} effects beside {base.name}")
         tried = _TRIED_BESIDE if base.effects else _TRIED
-        signatures = self._signatures(base, others)[: tried * self.n_fits]
-        self.tell(f"joint fits of {len(signatures)} of them")
-        fitted = sorted(self._compete(base, signatures), key=lambda h: h.objective)
+        wanted = tried * self.n_fits
+        searches = self._signatures(base, others, wanted)
+        self.tell(f"joint fits of {min(wanted, len(searches))} of them")
+        fitted = sorted(self._compete(base, searches[:wanted]), key=lambda h: h.objective)
+        self.n_simulations += sum(search.problem.n_simulations for search in searches)
         fitted[:_BEAM] = [self._escape(hypothesis) for hypothesis in fitted[:_BEAM]]
         if fitted and not self.adequate:
             best = min(range(len(fitted)), key=lambda i: fitted[i].objective)
@@ -150,8 +155,8 @@ class Competition:
                 if self.adequate:
                     break
 
-    def _signatures(self, base: Hypothesis, effects: Sequence[Effect]) -> list[Signature]:
-        """Signatures at the fitted values and at the nominal ones, the most promising first."""
+    def _signatures(self, base: Hypothesis, effects: Sequence[Effect], wanted: int) -> list[SignatureSearch]:
+        """Searches for signatures at the fitted values and at the nominal ones, the most promising first."""
         simulator, observations = base.simulator, base.observations
         points = [(base.u, base.jacobian)]
         if not base.effects:  # with an effect the nominal values of its parameters mean nothing
@@ -159,35 +164,33 @@ class Competition:
             zero = np.zeros(len(base.u))
             points.append((zero, linearised(problem, zero)[1]))
             self.n_simulations += problem.n_simulations
-        found = []
+        searches = []
         for number, effect in enumerate(effects):
             seed = np.random.SeedSequence(self.seed, spawn_key=(number, len(base.effects)))
-            matches = 0 if base.effects else min(_MATCHES, _MATCHES_EACH * len(base.u))
-            one = signature(simulator, observations, effect, points, self.n_draws, seed, matches)
-            if one is not None:
-                found.append(one)
-                if not base.effects:
-                    self.signatures[effect.name] = one.objective
-        return sorted(found, key=lambda s: s.objective)
+            one = SignatureSearch(simulator, observations, effect, points, self.n_draws, seed)
+            searches.append(one.run(_COARSE))
+        searches.sort(key=lambda s: s.objective)
+        for one in searches[: _REFINED * wanted]:
+            one.run()
+        if not base.effects:
+            self.signatures |= {s.effect.name: s.objective for s in searches if np.isfinite(s.objective)}
+        return sorted(searches, key=lambda s: s.objective)
 
-    def _compete(self, base: Hypothesis, signatures: Sequence[Signature]) -> list[Hypothesis]:
+    def _compete(self, base: Hypothesis, searches: Sequence[SignatureSearch]) -> list[Hypothesis]:
         """Fit effects for a few iterations each and those that get furthest to the end."""
         threshold = base.objective - _WORTH if self.is_adequate(base) else np.inf
         known = {frozenset(e.name for e in h.effects) for h in self.hypotheses}
+        matches = 0 if base.effects else min(_MATCHES, _MATCHES_EACH * len(base.u))
         fits = []
-        for found in signatures:
-            effects = (*base.effects, found.effect)
-            if found.objective > threshold or frozenset(e.name for e in effects) in known:
+        for search in searches:
+            effects = (*base.effects, search.effect)
+            hopeless = search.objective > threshold or not np.isfinite(search.objective)
+            if hopeless or frozenset(e.name for e in effects) in known:
                 continue
-            try:
-                fits.append(
-                    JointFit(effects, found.problem, found.starts).keep(_BEGUN).run(_FIRST).keep(_KEPT)
-                )
-            except SimulationError:
-                self.n_simulations += found.problem.n_simulations
-        fits.sort(key=lambda fit: fit.objective)
-        self.n_simulations += sum(fit.problem.n_simulations for fit in fits[self.n_fits :])
-        fits = fits[: self.n_fits]
+            with contextlib.suppress(SimulationError):
+                starts = search.starts(matches)
+                fits.append(JointFit(effects, search.problem, starts).keep(_BEGUN).run(_FIRST).keep(_KEPT))
+        fits = sorted(fits, key=lambda fit: fit.objective)[: self.n_fits]
         running = list(fits)
         for _ in range(_SLICES):
             running = [fit.run(_FIRST) for fit in running if fit.active]
@@ -197,7 +200,6 @@ class Competition:
         done = []
         for fit in fits:
             hypothesis = fit.hypothesis()
-            self.n_simulations += fit.problem.n_simulations
             self._keep(hypothesis, self._test(hypothesis))
             done.append(hypothesis)
         return done

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,6 +20,8 @@ from errorscreen.simulators.base import Simulator
 
 #: draws of later rounds scatter by these shares of the ranges around so many of the best
 _SPREADS, _ELITE = (0.1, 0.03, 0.01), 8
+#: rounds of draws
+ROUNDS = 1 + len(_SPREADS)
 #: draws of an effect with a single parameter; with d parameters so many times d squared, up to what is asked for
 _DRAWS_PER_SQUARE = 12
 #: a parameter whose bounds have at least this ratio is drawn in the logarithm
@@ -35,37 +36,8 @@ _CROWD, _GENERATIONS = 16, 80
 _Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Signature:
-    """How well one effect could explain what is left, before any joint fit.
-
-    Parameters
-    ----------
-    effect : Effect
-    objective : float
-        Lowest objective of the linear model.
-    starts : ndarray of shape (s, k)
-        Where joint fits should begin, in units of the scales.
-    problem : FitProblem
-        Of the extended simulator.
-    """
-
-    effect: Effect
-    objective: float
-    starts: _Array
-    problem: FitProblem
-
-
-def signature(
-    simulator: Simulator,
-    observations: Sequence[Observation],
-    effect: Effect,
-    points: Sequence[tuple[_Array, _Array]],
-    n_draws: int,
-    random_state: Any,
-    n_matches: int = 0,
-) -> Signature | None:
-    r"""Score an effect by variable projection: its own parameters are drawn, all others follow from the linear model.
+class SignatureSearch:
+    r"""Scores an effect by variable projection: its own parameters are drawn, all others follow from the linear model.
 
     For each draw p of the effect's parameters the model is simulated at some points u of the other parameters, and
 
@@ -86,47 +58,86 @@ def signature(
         Deviations u of the parameters of `simulator`, and the sensitivities there.
     n_draws : int
         In each round; in the first as many for each of `Effect.minima`.
-    n_matches : int
-        Simulations with all other parameters drawn as well, the best of which are starts of their own.
     random_state : None, int, SeedSequence, Generator or RandomState
 
-    Returns
-    -------
-    Signature or None
-        None where no draw can be simulated.
+    Attributes
+    ----------
+    problem : FitProblem
+        Of the extended simulator.
     """
-    problem = FitProblem(simulator.extend(effect), list(observations))
-    k = len(simulator.parameters)
-    d = len(problem.space) - k
-    unit = ParameterSpace(Parameter(f"p{i}", 0.5, 0.0, 1.0) for i in range(d))
-    rng = generator(random_state)
-    n_draws = min(n_draws, _DRAWS_PER_SQUARE * d**2)  # one or two parameters need fewer
-    found: list[tuple[float, _Array]] = []
-    for u, J in points:
-        shares = latin_hypercube(unit, n_draws * effect.minima, rng)
-        best: list[tuple[float, _Array, _Array]] = []
-        for spread in (*_SPREADS, None):
-            draws = spread_over(problem.space, k, shares, effect)
-            rows = np.hstack([np.tile(u, (len(draws), 1)), draws])
-            objective, steps = _projected(problem, rows, J, np.arange(k))
-            best += [(float(o), x, step) for o, x, step in zip(objective, shares, steps, strict=True)]
-            best.sort(key=lambda item: item[0])
-            del best[_ELITE:]
-            if spread is None:
-                break
-            parents = np.array([x for _, x, _ in best])[rng.integers(len(best), size=n_draws)]
-            shares = np.clip(parents + spread * rng.standard_normal(parents.shape), 0.0, 1.0)
-        lowest, x, step = best[0]
-        if np.isfinite(lowest):
-            own = spread_over(problem.space, k, x[None], effect)[0]
-            found.append((lowest, np.concatenate([u + step, own])))
-            found.append((lowest, np.concatenate([u, own])))
-    if not found:
-        return None
-    found.sort(key=lambda item: item[0])
-    starts = [start for _, start in found]
-    starts += _matches(problem, np.array([start[k:] for start in starts]), n_matches, rng)
-    return Signature(effect, found[0][0], np.array(starts), problem)
+
+    def __init__(
+        self,
+        simulator: Simulator,
+        observations: Sequence[Observation],
+        effect: Effect,
+        points: Sequence[tuple[_Array, _Array]],
+        n_draws: int,
+        random_state: Any,
+    ) -> None:
+        self.effect, self._points = effect, points
+        self.problem = FitProblem(simulator.extend(effect), list(observations))
+        self._k = len(simulator.parameters)
+        d = len(self.problem.space) - self._k
+        self._unit = ParameterSpace(Parameter(f"p{i}", 0.5, 0.0, 1.0) for i in range(d))
+        self._rng = generator(random_state)
+        self._n_draws = min(n_draws, _DRAWS_PER_SQUARE * d**2)  # one or two parameters need fewer
+        #: at each point the best so far: objective, shares of the ranges, steps of the other parameters
+        self._best: list[list[tuple[float, _Array, _Array]]] = [[] for _ in points]
+        self._round = 0
+
+    @property
+    def objective(self) -> float:
+        """Lowest objective of the linear model; infinite where no draw could be simulated."""
+        return min((best[0][0] for best in self._best if best), default=np.inf)
+
+    def run(self, rounds: int = ROUNDS) -> SignatureSearch:
+        """Go on to so many rounds in all."""
+        while self._round < rounds:
+            for (u, J), best in zip(self._points, self._best, strict=True):
+                shares = self._drawn(best)
+                draws = spread_over(self.problem.space, self._k, shares, self.effect)
+                rows = np.hstack([np.tile(u, (len(draws), 1)), draws])
+                objective, steps = _projected(self.problem, rows, J, np.arange(self._k))
+                best += [(float(o), x, step) for o, x, step in zip(objective, shares, steps, strict=True)]
+                best.sort(key=lambda item: item[0])
+                del best[_ELITE:]
+            self._round += 1
+        return self
+
+    def _drawn(self, best: Sequence[tuple[float, _Array, _Array]]) -> _Array:
+        if not best:
+            return latin_hypercube(self._unit, self._n_draws * self.effect.minima, self._rng)
+        parents = np.array([x for _, x, _ in best])[self._rng.integers(len(best), size=self._n_draws)]
+        spread = _SPREADS[self._round - 1]
+        return np.asarray(np.clip(parents + spread * self._rng.standard_normal(parents.shape), 0.0, 1.0))
+
+    def starts(self, n_matches: int = 0) -> _Array:
+        """Where joint fits should begin, for an effect whose objective is finite.
+
+        Parameters
+        ----------
+        n_matches : int
+            Simulations with all other parameters drawn as well, the best of which are starts of their own.
+
+        Returns
+        -------
+        ndarray of shape (s, k)
+            In units of the scales.
+        """
+        found: list[tuple[float, _Array]] = []
+        for (u, _), best in zip(self._points, self._best, strict=True):
+            lowest, x, step = best[0]
+            if np.isfinite(lowest):
+                own = spread_over(self.problem.space, self._k, x[None], self.effect)[0]
+                found.append((lowest, np.concatenate([u + step, own])))
+                found.append((lowest, np.concatenate([u, own])))
+        found.sort(key=lambda item: item[0])
+        starts = [start for _, start in found]
+        starts += _matches(
+            self.problem, np.array([start[self._k :] for start in starts]), n_matches, self._rng
+        )
+        return np.array(starts)
 
 
 def escapes(hypothesis: Hypothesis, problem: FitProblem, random_state: Any = 0) -> list[_Array]:

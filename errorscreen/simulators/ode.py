@@ -26,6 +26,7 @@ from errorscreen.simulators.assembly import measured
 from errorscreen.simulators.base import Responses, Simulator, Status
 from errorscreen.simulators.initial_states import InitialStates
 from errorscreen.simulators.ode_library import effect_table, library
+from errorscreen.simulators.recent import Recent
 from errorscreen.simulators.signal_records import (
     INTERPOLATIONS,
     Names,
@@ -178,7 +179,7 @@ class ODESimulator(Simulator):
         self._n_own = len(own)
         self._initial = InitialStates(self.states, self.channels, of_states, initial or {})
         self.parameters = own
-        self._last: tuple[Any, Any] = (None, None)
+        self._recent = Recent()
         items = list(recordings) if isinstance(recordings, list | tuple) else [recordings]
         if not items:
             raise InputError("the list of recordings is empty", allowed="at least one recording")
@@ -214,7 +215,7 @@ class ODESimulator(Simulator):
     def __getstate__(self) -> dict[str, Any]:
         """Leave machine code behind: another process compiles it again."""
         functions = self._functions if self._selected is None else self._functions[:2]
-        return {**self.__dict__, "_functions": functions, "_pointers": None, "_last": (None, None)}
+        return {**self.__dict__, "_functions": functions, "_pointers": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
@@ -366,12 +367,12 @@ class ODESimulator(Simulator):
         return compile_all([function], self._compiled)[1][0]
 
     def _injected(self, event: InputSignal, every: int) -> _Array:
-        """Inputs of the integrator; the last ones are kept, because a search simulates the same event many times."""
-        key, last = self._last
-        if key is None or key[0] is not event or key[1] != every:
-            key, last = (event, every), between_samples(event, self.inputs, every, self.interpolation)
-            self._last = key, last
-        return np.asarray(last)
+        """Inputs of the integrator."""
+
+        def compute() -> _Array:
+            return between_samples(event, self.inputs, every, self.interpolation)
+
+        return np.asarray(self._recent.get((event, every), compute))
 
     def _driven_by(self, event: Event) -> InputSignal:
         """Return an event if it drives this model."""

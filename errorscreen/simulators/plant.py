@@ -24,6 +24,7 @@ from errorscreen.simulators.assembly import INSIDE, assemble, measured, start_ef
 from errorscreen.simulators.base import Responses, Simulator, Status
 from errorscreen.simulators.injection_noise import quantified
 from errorscreen.simulators.playback import playback_observation
+from errorscreen.simulators.recent import Recent
 
 #: a response beyond this is not a machine's or a converter's, in pu
 _PLAUSIBLE = 1e3
@@ -109,7 +110,7 @@ class PlantSimulator(Simulator):
         self.effects = tuple(effects)
         self.step, self.dt = step, dt
         self.operating_point = dict(operating_point or {})
-        self._last_input: tuple[Any, Any] = (None, None)
+        self._recent = Recent()
         self._engine = engines[engine](assemble(device, self.effects), n_threads)
         self.channels = _channels(recording, channels, device.outputs)
         self.units = ("pu",) * len(self.channels)
@@ -215,15 +216,12 @@ class PlantSimulator(Simulator):
         return Responses(out[:, rows], status.astype(np.int64), event.time, self.channels)
 
     def _injected(self, event: Playback, every: int, interpolation: str) -> NDArray[np.float64]:
-        """Input of the engine; the last one is kept, because a search simulates the same event over and over."""
-        key, last = self._last_input
-        if key is None or key[0] is not event or key[1:] != (every, interpolation):
-            key, last = (
-                (event, every, interpolation),
-                _inputs(event, every, self.device.needs_angle, interpolation),
-            )
-            self._last_input = key, last
-        return last
+        """Input of the engine."""
+
+        def compute() -> NDArray[np.float64]:
+            return _inputs(event, every, self.device.needs_angle, interpolation)
+
+        return np.asarray(self._recent.get((event, every, interpolation), compute))
 
     def _with_uncertainty(self, observation: Observation, recording: Recording) -> Observation:
         quiet = recording.quiet

@@ -5,7 +5,7 @@ import pytest
 
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery.hypotheses import PRIOR, JointFit, described, fit_hypothesis, linearised
-from errorscreen.discovery.signatures import signature
+from errorscreen.discovery.signatures import SignatureSearch
 from errorscreen.observations import Observation
 from tests.plants import dip, plant
 
@@ -76,12 +76,16 @@ def test_the_right_effect_has_the_best_signature(hidden):
     zero = np.zeros(8)
     points = [(fitted.u, fitted.jacobian), (zero, linearised(problem, zero)[1])]
     found = {
-        e.name: signature(base, [observation], e, points, 64, 0, 64)
+        e.name: SignatureSearch(base, [observation], e, points, 64, 0).run()
         for e in base.effects
         if e.kind != "latent"
     }
     best = min(found, key=lambda name: found[name].objective)
     assert best == "exciter"
     assert found["exciter"].objective < 0.1 * fitted.objective
-    again = signature(base, [observation], found["exciter"].effect, points, 64, 0, 64)
-    assert np.array_equal(again.starts, found["exciter"].starts)
+    again = [
+        SignatureSearch(base, [observation], found["exciter"].effect, points, 64, 0).run(2).run().starts(64)
+        for _ in range(2)
+    ]
+    assert np.array_equal(*again)
+    assert again[0].shape == (6, len(problem.space) + 4)

@@ -5,7 +5,7 @@ import pytest
 
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery.hypotheses import JointFit, fit_hypothesis
-from errorscreen.discovery.signatures import escapes, searched, signature, spread_over
+from errorscreen.discovery.signatures import SignatureSearch, escapes, searched, spread_over
 from errorscreen.events import InputSignal
 from errorscreen.parameters import Parameter
 from errorscreen.recordings import Recording
@@ -61,7 +61,7 @@ def test_the_right_effect_promises_most(spring):
     fitted = fit_hypothesis((), FitProblem(model, observation), np.zeros(2))
     chosen = [e for e in model.effects if e.kind != "latent" and e.minima == 1]
     points = [(fitted.u, fitted.jacobian)]
-    found = {e.name: signature(model, [observation], e, points, 32, 0) for e in chosen}
+    found = {e.name: SignatureSearch(model, [observation], e, points, 32, 0).run() for e in chosen}
     assert min(found, key=lambda name: found[name].objective) == "velocity.cubic(position)"
 
 
