@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import inspect
+import math
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import lru_cache
-from types import CodeType, ModuleType
+from types import CodeType
 from typing import Any
 
 import numpy as np
@@ -149,13 +150,13 @@ def side_by_side(function: Function) -> Function:
 
 
 def _is_fixed(function: Any) -> bool:
-    """Whether `identity` sees everything that a function refers to: numbers, texts and modules."""
+    """Whether `identity` sees everything that a function refers to: numbers, texts and functions of mathematics."""
     code = getattr(function, "__code__", None)
     if code is None or any(isinstance(constant, CodeType) for constant in code.co_consts):
         return False
     values = [cell.cell_contents for cell in function.__closure__ or ()]
     values += [function.__globals__[name] for name in code.co_names if name in function.__globals__]
-    return all(isinstance(value, int | float | str | ModuleType) for value in values)
+    return all(isinstance(value, int | float | str) or value is math or value is np for value in values)
 
 
 @lru_cache(maxsize=64)

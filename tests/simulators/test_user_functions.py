@@ -1,5 +1,7 @@
 """The functions of a user's model: compiled once, and again when something they refer to has changed."""
 
+from types import ModuleType
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,9 @@ from errorscreen.simulators.user_functions import compile_all
 
 EVENT = InputSignal(0.01 * np.arange(200), "push", 0.0, {"force": np.ones(200)})
 stiffness = 4.0
-table = np.array([4.0])
+table = np.array([4.0, 0.0])
+constants = ModuleType("constants")
+constants.stiffness = 4.0
 
 
 def spring(t, x, u, p, dx):
@@ -21,6 +25,11 @@ def spring(t, x, u, p, dx):
 def spring_of_a_table(t, x, u, p, dx):
     dx[0] = x[1]
     dx[1] = u[0] - p[0] * x[1] - table[0] * x[0]
+
+
+def spring_of_a_module(t, x, u, p, dx):
+    dx[0] = x[1]
+    dx[1] = u[0] - p[0] * x[1] - constants.stiffness * x[0]
 
 
 def spring_with_arrays(t, x, u, p, dx):
@@ -59,8 +68,14 @@ def test_a_number_that_a_function_refers_to_may_change(monkeypatch):
 
 def test_an_array_that_a_function_refers_to_may_change(monkeypatch):
     before = responses(spring_of_a_table)
-    monkeypatch.setitem(globals(), "table", np.array([9.0]))
+    monkeypatch.setitem(globals(), "table", np.array([9.0, 0.0]))
     assert np.abs(responses(spring_of_a_table) - before).max() > 0.01
+
+
+def test_what_another_module_holds_may_change(monkeypatch):
+    before = responses(spring_of_a_module)
+    monkeypatch.setattr(constants, "stiffness", 9.0)
+    assert np.abs(responses(spring_of_a_module) - before).max() > 0.01
 
 
 def test_a_function_may_make_arrays_of_its_own():
