@@ -67,7 +67,7 @@ class DataWarning(UserWarning):
 
 
 class EngineWarning(UserWarning):
-    """A user's functions could not be compiled and run as Python, which takes about a hundred times as long."""
+    """A user's functions could not be compiled and run as Python, which takes some hundred times as long."""
 
 
 def unknown_name(

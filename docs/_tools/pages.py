@@ -17,9 +17,9 @@ from errorscreen.effects.generic.library import TEXTS
 from errorscreen.events import Playback
 from errorscreen.io.units import UNITS
 from errorscreen.plotting import plot_signature
-from errorscreen.power import DEVICES
+from errorscreen.power import DEVICES, LOAD
 from errorscreen.sampling import latin_hypercube
-from errorscreen.simulators import PlantSimulator
+from errorscreen.simulators import LoadUnderTest, PlantSimulator
 from errorscreen.simulators.base import REMEDIES, Status
 
 DOCS = Path(__file__).parents[1]
@@ -51,6 +51,7 @@ def write_all(folder):
     """Write every page that differs from what is there."""
     folder.mkdir(exist_ok=True)
     texts = {f"{name}.md": device_page(device) for name, device in DEVICES.items()}
+    texts["load.md"] = load_page()
     texts |= {
         "steps.md": step_errors(),
         "effects.md": effect_table(folder),
@@ -97,10 +98,7 @@ def device_page(device):
         (*parameter_cells(p.name, p), *(f"{1e3 * value:.2f}" for value in change[p.name]))
         for p in device.candidates
     ]
-    constants = [(f"`{c.name}`", c.unit, f"{c.value:g}", c.description) for c in device.constants]
-    ports = [*device.ports.items(), *((f"channel.{n}", f"measured {n}, in pu") for n in device.outputs)]
-    fitting = {e.port: e.name for e in LIBRARY.get(device.name, ())}
-    rows = [(f"`{name}`", text, f"`{fitting[name]}`" if name in fitting else "") for name, text in ports]
+    channels = [(f"`channel.{n}`", f"measured {n}, in pu", "") for n in device.outputs]
     return "\n".join(
         [
             "## Candidate parameters\n",
@@ -110,13 +108,46 @@ def device_page(device):
             table((*PARAMETER_HEADER, "P moves by", "Q moves by"), candidates),
             "## Other constants\n",
             "Stated in a case file or with `constants=`; never calibrated.\n",
-            table(("name", "unit", "value", "meaning"), constants),
+            constant_table(device),
             "## Ports\n",
-            "Where an effect may act, and the effect of the library that acts there.\n",
-            table(("port", "quantity", "effect"), rows),
-            f"States: {', '.join(f'`{s}`' for s in device.states)}. Source: {device.source}.\n",
+            "Where an effect may act, and the effects of the library that act there.\n",
+            table(("port", "quantity", "effects"), [*port_rows(device), *channels]),
+            states_and_source(device),
         ]
     )
+
+
+def load_page():
+    """Tables of a load in a grid, which has no candidates."""
+    return "\n".join(
+        [
+            "## Constants\n",
+            "Stated with `LoadUnderTest(bus, {...})`.\n",
+            constant_table(LOAD),
+            "## Ports\n",
+            table(("port", "quantity", "effects"), port_rows(LOAD)),
+            states_and_source(LOAD),
+        ]
+    )
+
+
+def constant_table(device):
+    """What a device needs besides its candidates."""
+    rows = [(f"`{c.name}`", c.unit, f"{c.value:g}", c.description) for c in device.constants]
+    return table(("name", "unit", "value", "meaning"), rows)
+
+
+def port_rows(device):
+    """Ports with the effects that act on them."""
+    library = LIBRARY[device.name]
+    for port, text in device.ports.items():
+        names = (f"`{e.name}`" for e in library if port in (e.port, *e.beside) and e.kind != "latent")
+        yield f"`{port}`", text, ", ".join(names)
+
+
+def states_and_source(device):
+    """Last line of a device's page."""
+    return f"States: {', '.join(f'`{s}`' for s in device.states)}. Source: {device.source}.\n"
 
 
 def parameter_effects(device):
@@ -179,6 +210,8 @@ def case_step_errors():
 _BENCHES = ("speed", "paper", "discovery")
 #: events of the signatures: those that hidden scenarios are fitted to, and two that make limiters and protection act
 _SIDES = (*FIT, GridSide("low for two seconds", 0.6, 2.0), GridSide("high to the end", step=0.12))
+#: where the effects of a load act in their figures
+LOAD_BUS = 4
 #: what effects that belong to no device act on
 _OF = {"measurement": "every simulator, for each of its channels", "event": "grids, for a fault"}
 
@@ -188,15 +221,15 @@ def effect_table(folder):
     inside = [effect for library in LIBRARY.values() for effect in library if effect.kind != "latent"]
     outside = (*measurement_effects(["P"]), FAULT_DURATION, FAULT_IMPEDANCE, branch_trip((3, 4)))
     effects = {effect.name: effect for effect in (*inside, *outside)}
-    grid = load_ieee39()
+    grid = load_ieee39(loads=[LoadUnderTest(LOAD_BUS)])
     time = np.arange(0, STOP, 1 / RATE)
     events = [Playback(time, side.name, START, side.signals(time), OPERATING_POINT) for side in _SIDES]
     text = []
     for effect in effects.values():
         devices = [name for name, library in LIBRARY.items() if effect.name in {e.name for e in library}]
         parameters = [parameter_cells(effect.local(p.name), p) for p in effect.parameters]
-        if effect.kind == "event":
-            figure = plot_signature(grid, effect.name)
+        if effect.kind == "event" or devices == ["load"]:
+            figure = plot_signature(grid, f"load_{LOAD_BUS}.{effect.name}" if devices else effect.name)
         else:
             plant = PlantSimulator(next(iter(devices), "synchronous_machine"), events[0])
             figure = plot_signature(plant, effect.name, events)

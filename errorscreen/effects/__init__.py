@@ -14,6 +14,7 @@ from errorscreen.effects.exciter import EXCITER
 from errorscreen.effects.forced_oscillation import forced_oscillation
 from errorscreen.effects.governor import GOVERNOR
 from errorscreen.effects.latent_input import latent_input
+from errorscreen.effects.load import FREQUENCY_DEPENDENCE, MOTOR_LOAD, STATIC_ACTIVE, STATIC_REACTIVE
 from errorscreen.effects.measurement import measurement_effects
 from errorscreen.effects.ride_through import RIDE_THROUGH, RIDE_THROUGH_TRIP
 from errorscreen.effects.saturation import SATURATION
@@ -55,6 +56,14 @@ LIBRARY: dict[str, tuple[Effect, ...]] = {
         latent_input("Iq_cmd", 1.0),
         latent_input("Qref", 1.0),
     ),
+    "load": (
+        STATIC_ACTIVE,
+        STATIC_REACTIVE,
+        FREQUENCY_DEPENDENCE,
+        MOTOR_LOAD,
+        latent_input("dP", 0.5),
+        latent_input("dQ", 0.5),
+    ),
 }
 
 __all__ = [
@@ -64,15 +73,19 @@ __all__ = [
     "FAULT_DURATION",
     "FAULT_IMPEDANCE",
     "FIELD_CURRENT_LIMITER",
+    "FREQUENCY_DEPENDENCE",
     "GOVERNOR",
     "KINDS",
     "LIBRARY",
+    "MOTOR_LOAD",
     "REACTIVE_CURRENT_LAG",
     "REACTIVE_POWER_LAG",
     "RIDE_THROUGH",
     "RIDE_THROUGH_TRIP",
     "SATURATION",
     "STABILISER",
+    "STATIC_ACTIVE",
+    "STATIC_REACTIVE",
     "STATOR_CURRENT_LIMITER",
     "UNDER_EXCITATION_LIMITER",
     "VOLTS_PER_HERTZ_LIMITER",

@@ -78,10 +78,11 @@ class Effect:
         The quantity it changes: a port of the device, or ``"channel." + name`` for a measured channel.
     equations : callable
         The first argument, ``value``, is the quantity at the port. The others are quantities of the device or the
-        effect's own states, parameters and derived constants. Returns the new value, then the derivatives of the
-        states. Of a measurement: ``equations(values, h, *parameters)`` returns the record (n, L) as it is measured,
-        from the record ``values`` (n, L) with the step `h` in seconds and parameters (n,). Of an event:
-        ``equations(event, *parameters)`` returns the event as it was, from the one that is simulated.
+        effect's own states, parameters and derived constants. Returns the new value, then those of the ports
+        `beside`, which it reads by their names, then the derivatives of the states. Of a measurement:
+        ``equations(values, h, *parameters)`` returns the record (n, L) as it is measured, from the record ``values``
+        (n, L) with the step `h` in seconds and parameters (n,). Of an event: ``equations(event, *parameters)``
+        returns the event as it was, from the one that is simulated.
     parameters : tuple of Parameter
         The first is the strength: 0 is allowed and is the identity.
     states : tuple of str
@@ -106,6 +107,8 @@ class Effect:
         Where the equations come from.
     confused_with : tuple of str
         What produces a similar error.
+    beside : tuple of str
+        Further ports that it changes, written by the same equations of the device.
     minima : int
         About how many local minima a fit of its parameters has; a search draws that many times more values. Frequency
         and phase of an oscillation have many, and so have timers.
@@ -129,6 +132,7 @@ class Effect:
     formula: str = ""
     source: str = ""
     confused_with: tuple[str, ...] = ()
+    beside: tuple[str, ...] = ()
     minima: int = 1
     smallest: Mapping[str, float] = field(default_factory=dict, hash=False)
 

@@ -71,9 +71,10 @@ def check_ports(device: Device, effects: Iterable[Effect]) -> tuple[Effect, ...]
     """Effects that act inside a device; a port that it does not have raises `InputError`."""
     inside = tuple(effect for effect in effects if effect.kind in INSIDE)
     for effect in inside:
-        if effect.port not in device.ports:
-            where = f"effect {effect.name!r} on device {device.name!r}"
-            raise unknown_name(effect.port, device.ports, kind="port", where=where)
+        for port in (effect.port, *effect.beside):
+            if port not in device.ports:
+                where = f"effect {effect.name!r} on device {device.name!r}"
+                raise unknown_name(port, device.ports, kind="port", where=where)
     return inside
 
 
@@ -85,7 +86,8 @@ def effect_call(effect: Effect, qualify: Callable[[str], str] = lambda name: nam
         for name in reads_of(effect.equations)
     )
     written = [f"d_{effect.local(s)}" for s in effect.states]
-    return Call(effect.equations, reads, (qualify(effect.port), *written), effect.local(effect.strength.name))
+    ports = (qualify(port) for port in (effect.port, *effect.beside))
+    return Call(effect.equations, reads, (*ports, *written), effect.local(effect.strength.name))
 
 
 def effect_states(effects: Iterable[Effect]) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 
 import numpy as np
@@ -63,20 +63,21 @@ def constant_names(device: Device) -> tuple[str, ...]:
 
 
 def grid_effects(
-    devices: Iterable[str], channels: Iterable[str], network: Network, event: Event
+    devices: Mapping[str, str], channels: Iterable[str], network: Network, event: Event
 ) -> Iterator[Effect]:
     """Effects of each device, of the measurement, and of what may have been different in a fault.
 
     Parameters
     ----------
-    devices : iterable of str
+    devices : mapping of str to str
+        Key in `LIBRARY` by the name of the device.
     channels : iterable of str
     network : Network
     event : Event
         What the simulator simulates where nothing else is given.
     """
-    for device in devices:
-        yield from (effect.at(device) for effect in LIBRARY.get(device, ()))
+    for device, kind in devices.items():
+        yield from (effect.at(device) for effect in LIBRARY.get(kind, ()))
     yield from measurement_effects(channels)
     if isinstance(event, BusFault):
         yield from (FAULT_DURATION, FAULT_IMPEDANCE)

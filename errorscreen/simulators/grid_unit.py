@@ -1,12 +1,16 @@
-"""A plant under test in a grid: which device, where, how large."""
+"""Plants and loads under test in a grid: which device, where, how large."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
 
 from errorscreen.exceptions import InputError, check_real, unknown_name
-from errorscreen.power import DEVICES, Device
+from errorscreen.power import DEVICES, LOAD, Device
+from errorscreen.power.device import Values
 
 
 @dataclass(frozen=True)
@@ -58,3 +62,70 @@ class Unit:
         assert self.model.grid is not None
         constants = (*self.model.constants, *self.model.grid.constants)
         return {c.name: c.value for c in constants if c.name != "f0"}
+
+
+@dataclass(frozen=True)
+class LoadUnderTest:
+    """A load of the grid that may be no constant impedance.
+
+    Parameters
+    ----------
+    bus : int
+        Its device is called ``load_`` and the bus.
+    constants : mapping of str to float
+        Values of the load's constants other than the default ones.
+
+    Examples
+    --------
+    >>> LoadUnderTest(8).model.name
+    'load_8'
+    """
+
+    bus: int
+    constants: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in self.constants:
+            if name not in self.default_constants:
+                raise unknown_name(
+                    name, self.default_constants, kind="constant", where=f"load at bus {self.bus}"
+                )
+
+    @property
+    def model(self) -> Device:
+        """The device itself."""
+        return replace(LOAD, name=f"load_{self.bus}")
+
+    @property
+    def default_constants(self) -> dict[str, float]:
+        """Constants of a load; the frequency is that of the grid."""
+        return LOAD.constant_values()
+
+
+def at_rest(
+    item: Unit | LoadUnderTest, given: Values, size: float, voltage: complex, power: complex, f0: float
+) -> tuple[Values, NDArray[np.bool_]]:
+    """Quantities of a unit or load at its equilibrium, without prefix, and where there is one.
+
+    Parameters
+    ----------
+    item : Unit or LoadUnderTest
+    given : mapping of str to ndarray of shape (n,)
+        Candidate parameters; nominal where missing.
+    size : float
+        Base of its own per unit over that of the grid.
+    voltage, power : complex
+        In pu of the grid; power delivered by a unit, drawn by a load.
+    f0 : float
+        Hz.
+    """
+    device = item.model
+    assert device.grid is not None
+    own: Values = {p.name: given.get(p.name, np.array(p.nominal)) for p in device.candidates}
+    numbers = {**item.default_constants, **item.constants, "size": size, "f0": f0}
+    numbers |= {"V": abs(voltage), "angle": float(np.angle(voltage))}
+    numbers |= {"P": power.real / size, "Q": power.imag / size}
+    own |= {name: np.array(value) for name, value in numbers.items()}
+    with np.errstate(all="ignore"):  # an absurd parameter shows in what is feasible
+        states, setpoints, possible = device.initialise(own)
+    return {**own, **states, **setpoints, **{s: own[name] for s, name in device.grid.states}}, possible

@@ -16,7 +16,7 @@ from errorscreen.events import Event, GridEvent
 from errorscreen.exceptions import InputError, check_real, unknown_name
 from errorscreen.observations import Observation
 from errorscreen.parameters import ParameterSpace
-from errorscreen.power import FixedMachine
+from errorscreen.power import LOAD, FixedMachine
 from errorscreen.power.load_flow import LoadFlow, solve_load_flow
 from errorscreen.power.network import Network
 from errorscreen.power.reduction import ReducedNetwork, reduce_network
@@ -24,7 +24,7 @@ from errorscreen.recordings import Recording
 from errorscreen.simulators.assembly import INSIDE, check_ports, measured, start_effects, switched_off
 from errorscreen.simulators.base import Responses, Simulator, Status
 from errorscreen.simulators.grid_assembly import GridModel, grid_effects, machine_prefix, qualified
-from errorscreen.simulators.grid_unit import Unit
+from errorscreen.simulators.grid_unit import LoadUnderTest, Unit, at_rest
 
 #: a channel beyond this is not that of a grid, in pu
 _PLAUSIBLE = 1e3
@@ -46,6 +46,8 @@ class PowerSystemSimulator(Simulator):
         Plants under test, whose parameters are the candidates; each device at most once.
     machines : iterable of FixedMachine
         All other generators.
+    loads : iterable of LoadUnderTest
+        Loads that may be no constant impedances: effects may act there. All others are constant impedances.
     channels : mapping of str to int or (int, int)
         Observed quantities in pu: a bus for the magnitude of its voltage; a pair (sending, receiving bus) for the
         active power that arrives at the receiving bus over the branches between them.
@@ -94,6 +96,7 @@ class PowerSystemSimulator(Simulator):
         units: Iterable[Unit],
         machines: Iterable[FixedMachine],
         *,
+        loads: Iterable[LoadUnderTest] = (),
         channels: Mapping[str, int | tuple[int, int]],
         event: GridEvent,
         parameters: ParameterSpace | None = None,
@@ -105,6 +108,8 @@ class PowerSystemSimulator(Simulator):
     ) -> None:
         self.network, self.event = network, event
         self.units_under_test, self.machines = tuple(units), tuple(machines)
+        self.loads_under_test = tuple(loads)
+        self._items: tuple[Unit | LoadUnderTest, ...] = (*self.units_under_test, *self.loads_under_test)
         self.observed = dict(channels)
         self.f0 = check_real(f0, "f0", low=0, above=True, where="PowerSystemSimulator")
         self.step = check_real(step, "the step", low=0, above=True, where="PowerSystemSimulator")
@@ -118,9 +123,11 @@ class PowerSystemSimulator(Simulator):
             candidates.index(name)
         self.channels = tuple(self.observed)
         self.units = ("pu",) * len(self.channels)
-        devices = {u.model.name: u.model for u in self.units_under_test}
+        devices = {item.model.name: item.model for item in self._items}
         if effects is None:
-            effects = grid_effects(devices, self.channels, self.network, self.event)
+            kinds = {u.model.name: u.model.name for u in self.units_under_test}
+            kinds |= dict.fromkeys((load.model.name for load in self.loads_under_test), LOAD.name)
+            effects = grid_effects(kinds, self.channels, self.network, self.event)
         self.effects = tuple(effects)
         inside = tuple(e for e in self.effects if e.kind in INSIDE)
         for effect in inside:
@@ -147,6 +154,7 @@ class PowerSystemSimulator(Simulator):
             "network": repr(self.network),
             "machines": repr(self.machines),
             "units": [[u.bus, u.model.name, u.rating, dict(u.constants)] for u in self.units_under_test],
+            "loads": [[load.bus, dict(load.constants)] for load in self.loads_under_test],
             "channels": {name: repr(where) for name, where in self.observed.items()},
             "f0": self.f0,
             "step": self.step,
@@ -268,11 +276,11 @@ class PowerSystemSimulator(Simulator):
 
     def _terminals(self) -> list[int]:
         """Buses of all currents, in the order of the model."""
-        return [m.bus for m in self.machines] + [u.bus for u in self.units_under_test]
+        return [m.bus for m in self.machines] + [item.bus for item in self._items]
 
     def _check_terminals(self) -> None:
         where = "PowerSystemSimulator"
-        buses = self._terminals()
+        buses = [m.bus for m in self.machines] + [u.bus for u in self.units_under_test]
         have = sorted(g.bus for g in self.network.generators)
         if sorted(buses) != have:
             raise InputError(
@@ -288,6 +296,13 @@ class PowerSystemSimulator(Simulator):
             )
         if not self.machines:
             raise InputError("there is no fixed machine", where=where, allowed="at least one FixedMachine")
+        demand = self.network.demand()
+        drawing = [bus.number for bus in self.network.buses if demand[self.network.index(bus.number)]]
+        for load in self.loads_under_test:
+            if load.bus not in drawing:
+                raise InputError(f"there is no load at bus {load.bus}", where=where, allowed=f"{drawing}")
+        if len({load.bus for load in self.loads_under_test}) < len(self.loads_under_test):
+            raise InputError("a load is given twice", where=where, allowed="each bus once")
         if not self.observed:
             raise InputError("there is no channel", where=where, allowed="at least one bus or branch")
 
@@ -355,19 +370,13 @@ class PowerSystemSimulator(Simulator):
             start = machine.initialise(voltage[machine.bus], flow.generation[machine.bus])
             values |= {qualified(machine_prefix(machine.bus), k): v * one for k, v in start.items()}
         given = dict(zip(self.parameters.names, theta.T, strict=True))
-        for unit in self.units_under_test:
-            device, size = unit.model, unit.rating / self.network.base_mva
-            assert device.grid is not None
-            power = flow.generation[unit.bus] / size
-            own = {p.name: given.get(p.name, p.nominal * one) for p in device.candidates}
-            numbers = {**unit.default_constants, **unit.constants, "size": size, "f0": self.f0}
-            numbers |= {"V": abs(voltage[unit.bus]), "angle": float(np.angle(voltage[unit.bus]))}
-            numbers |= {"P": power.real, "Q": power.imag}
-            own |= {name: value * one for name, value in numbers.items()}
-            with np.errstate(all="ignore"):  # an absurd parameter shows in what is feasible
-                states, setpoints, possible = device.initialise(own)
-            own |= {**states, **setpoints, **{state: own[at] for state, at in device.grid.states}}
-            values |= {qualified(device.name, k): v for k, v in own.items()}
+        demand = flow.network.demand()
+        for item in self._items:
+            bus = self.network.index(item.bus)
+            power = flow.generation[item.bus] if isinstance(item, Unit) else complex(demand[bus])
+            size = item.rating / self.network.base_mva if isinstance(item, Unit) else abs(power)
+            own, possible = at_rest(item, given, size, complex(flow.voltage[bus]), power, self.f0)
+            values |= {qualified(item.model.name, k): v * one for k, v in own.items()}
             feasible = feasible & possible
         values |= switched_off(self.effects, len(theta)) | given
         begin = min(event.start, event.time[-1] - event.dt) - event.time[0]

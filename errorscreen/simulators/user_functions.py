@@ -216,7 +216,7 @@ def compile_all(functions: Sequence[Function], wanted: bool = True) -> tuple[boo
             detail = [line.strip() for line in str(error).splitlines() if line.strip()][-1:]
             warnings.warn(
                 f"{getattr(function, '__name__', 'a function')} of the model cannot be compiled and runs as Python, "
-                f"about a hundred times slower: {reason} {' '.join(detail)}".rstrip(),
+                f"some hundred times slower: {reason} {' '.join(detail)}".rstrip(),
                 EngineWarning,
                 stacklevel=3,
             )
