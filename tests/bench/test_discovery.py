@@ -52,8 +52,9 @@ def test_a_scenario_hides_what_it_says(kind):
 
 
 @pytest.mark.filterwarnings("ignore::errorscreen.exceptions.DataWarning")  # of some of the many draws
-def test_effects_below_the_noise_cannot_be_hidden():
-    with pytest.raises(InputError, match=r"none of 200 effects drawn is at least 1e\+09 times the noise"):
+def test_effects_below_the_noise_cannot_be_hidden(monkeypatch):
+    monkeypatch.setattr("errorscreen.bench.scenarios.TRIES", 5)
+    with pytest.raises(InputError, match=r"none of 5 effects drawn is at least 1e\+09 times the noise"):
         draw_plant_scenario(0, 40.0, kind="measurement", device="pv_plant", least_size=1e9)
 
 
@@ -96,7 +97,8 @@ def test_rates_count_what_they_say():
 
 
 def test_a_study_goes_on_where_it_stopped(tmp_path, capsys):
-    arguments = ["bench", "discovery", "--seed", "3", "--jobs", "1", "--quiet", "--out", str(tmp_path)]
+    arguments = ["bench", "discovery", "--seed", "3", "--case", "traps", "--jobs", "1", "--quiet"]
+    arguments += ["--out", str(tmp_path)]
     assert main([*arguments, "--scenarios", "1"]) == 0
     capsys.readouterr()
     assert main([*arguments, "--scenarios", "2"]) == 0

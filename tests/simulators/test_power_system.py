@@ -13,7 +13,7 @@ from errorscreen.power.network import Network
 from errorscreen.power.two_axis_fixed import FixedMachine
 from errorscreen.recordings import Recording
 from errorscreen.simulators import PowerSystemSimulator, Status, Unit
-from errorscreen.testing import check_simulator
+from errorscreen.testing import check_effect, check_simulator
 from tests.plants import random_rows
 
 TIME = np.arange(301) * 0.01
@@ -135,6 +135,11 @@ def test_settings_tell_what_responses_depend_on():
 
 SYSTEM = system()
 EFFECTS = [effect.name for effect in SYSTEM.effects]
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_effects_keep_their_contract(effect):
+    check_effect(SYSTEM, effect)
 
 
 @pytest.mark.parametrize("effect", EFFECTS)
