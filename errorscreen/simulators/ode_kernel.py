@@ -1,12 +1,9 @@
-r"""Integrates a user's model with generic effects: the method of Runge and Kutta, and an interpreter of the table.
+r"""Integrates a user's model with generic effects by the method of Runge and Kutta.
 
 The user's functions are called through pointers, so that this module is compiled once, whatever the model and whatever
-effects are tried: an effect is a row of a table (`ROW`), and which rows act is data. A call through a pointer takes
-longer than most right-hand sides, so each serves several simulations (`LANES`), which advance side by side.
-
-At the beginning of each step what has a memory (lag, delay, rate limit, backlash, timers) is brought up to date with
-the values just before; inside the step it is read, not changed (but for a relay that drops out). So all four stages
-see the same model.
+effects are tried: an effect is a row of a table (`ode_effects.ROW`), and which rows act is data. A call through a
+pointer takes longer than most right-hand sides, so each serves several simulations (`LANES`), which advance side by
+side.
 
 The functions are ordinary Python: compiled for models that numba can compile, run as they are for others.
 """
@@ -25,30 +22,13 @@ from numba.extending import register_jitable
 from numpy.typing import NDArray
 
 from errorscreen.effects.generic import base, terms, transforms
-from errorscreen.effects.generic.base import NUMBERS, PLACES
-from errorscreen.effects.latent_input import KNOTS
+from errorscreen.effects.generic.base import PLACES
 from errorscreen.engine.codegen import fingerprint_of, load_generated
+from errorscreen.simulators import ode_effects
+from errorscreen.simulators.ode_effects import DELAY, EQUATION, INPUT, MEMORIES, OUTPUT, SIGNAL, apply_effects
 
-#: columns of the table: template, place, number of the target, of the signal that is read (-1: the quantity itself;
-#: states come first, then inputs and internal signals), of the state that receives a spill (-1: none), of the effect's
-#: own state (-1: none), and of its first parameter
-ROW = ("template", "place", "target", "reads", "into", "state", "first")
-#: constants of each row: size of the signal; begin of the event and rate of the clock, for unknown signals; whether the
-#: quantity is an input that is held between samples
-ROW_CONSTANTS = ("size", "begin", "rate", "held")
-#: what a row remembers: output and input (of a relay: whether it has dropped out) at the beginning of the step, timer,
-#: distance from a threshold
-MEMORIES = 4
 #: simulations that advance side by side
 LANES = 16
-
-EQUATION, INPUT, SIGNAL, OUTPUT = (PLACES.index(name) for name in ("equation", "input", "signal", "output"))
-VISCOUS, QUADRATIC, CUBIC, DRAG = NUMBERS["viscous"], NUMBERS["quadratic"], NUMBERS["cubic"], NUMBERS["drag"]
-COULOMB, STRIBECK, OFFSET = NUMBERS["coulomb"], NUMBERS["stribeck"], NUMBERS["offset"]
-FORCING, HYSTERESIS, OVERFLOW = NUMBERS["forcing"], NUMBERS["hysteresis"], NUMBERS["overflow"]
-DEAD_BAND, SATURATION, RATE_LIMIT = NUMBERS["dead_band"], NUMBERS["saturation"], NUMBERS["rate_limit"]
-LAG, DELAY, BACKLASH = NUMBERS["lag"], NUMBERS["delay"], NUMBERS["backlash"]
-RELAY_ABOVE, LATENT = NUMBERS["relay_above"], NUMBERS["latent"]
 
 _MATRIX, _CUBE, _TABLE = types.float64[:, ::1], types.float64[:, :, ::1], types.int64[:, ::1]
 #: of the user's functions, see `user_functions.side_by_side`: time, states, inputs, parameters and what is written, a
@@ -57,131 +37,6 @@ USER = types.void(
     types.float64, _MATRIX, _MATRIX, _MATRIX, _MATRIX, types.int64, types.int64, types.int64, types.int64
 )
 _FUNCTION = types.FunctionType(USER)
-
-
-@register_jitable(forceinline=True)
-def _hats(t: Any, begin: Any, rate: Any, q: Any, i: Any, first: Any) -> Any:
-    """Unknown signal, (I1), with its knots from `first` on."""
-    s = math.sqrt(max((t - begin) * rate, 0.0))
-    j = int(s)
-    if j > KNOTS:
-        return 0.0
-    left = q[i, first + j - 1] if j >= 1 else 0.0
-    right = q[i, first + j] if j < KNOTS else 0.0
-    return left + (s - j) * (right - left)
-
-
-@register_jitable(forceinline=True)
-def _act(
-    r: Any, table: Any, owns: Any, q: Any, i: Any, v: Any, s: Any, t: Any, tau: Any, h: Any, k: Any, begin: Any,
-    memory: Any, history: Any, z: Any,
-) -> Any:  # fmt: skip
-    """Quantity v as effect r leaves it, tau seconds after step k began; `begin`: bring the memory up to date."""
-    kind, first = table[r, 0], table[r, 6]
-    a, own = q[i, first], table[r, 1] == EQUATION and table[r, 3] == table[r, 2]
-    if kind == VISCOUS:
-        return terms.viscous(v, s, a)
-    if kind == QUADRATIC:
-        return terms.quadratic(v, s, a)
-    if kind == CUBIC:
-        return terms.cubic(v, s, a)
-    if kind == DRAG:
-        return terms.drag(v, s, a)
-    if kind == COULOMB:
-        return terms.coulomb(v, s, a, owns[r, 0], h, own)
-    if kind == STRIBECK:
-        return terms.stribeck(v, s, a, q[i, first + 1], q[i, first + 2], owns[r, 0], h, own)
-    if kind == OFFSET:
-        return terms.offset(v, a)
-    if kind == FORCING:
-        return terms.forcing(v, t, a, q[i, first + 1], q[i, first + 2])
-    if kind == HYSTERESIS:
-        return terms.hysteresis(v, z, a)
-    if kind == OVERFLOW:
-        return v - terms.spill(s, a, q[i, first + 1])
-    if kind == DEAD_BAND:
-        return transforms.dead_band(v, a, q[i, first + 1])
-    if kind == SATURATION:
-        return transforms.saturation(v, a, q[i, first + 1], q[i, first + 2])
-    if kind == LATENT:
-        return v + a * _hats(t, owns[r, 1], owns[r, 2], q, i, first + 1)
-    return _remembered(r, table, owns, q, i, v, s, tau, h, k, begin, memory, history)
-
-
-@register_jitable(forceinline=True)
-def _remembered(
-    r: Any, table: Any, owns: Any, q: Any, i: Any, v: Any, s: Any, tau: Any, h: Any, k: Any, begin: Any,
-    memory: Any, history: Any,
-) -> Any:  # fmt: skip
-    """The same for effects with a memory; before the record all has been at rest."""
-    kind, first = table[r, 0], table[r, 6]
-    a = q[i, first]
-    start = begin and k == 0
-    after = tau == 0.0 and not begin  # just behind the beginning, where an input that is held has jumped
-    if start:
-        memory[r, 0], memory[r, 1], memory[r, 2], memory[r, 3] = v, v, 0.0, 0.0
-        if kind >= RELAY_ABOVE:
-            memory[r, 1] = 0.0
-    if kind == DELAY:
-        if begin:
-            history[r, k] = v
-        return transforms.delay(v, a, h, k, 0.0 if begin else tau, history, r, owns[r, 3] > 0.0, after)
-    if kind >= RELAY_ABOVE:
-        distance = s - q[i, first + 1] if kind == RELAY_ABOVE else q[i, first + 1] - s
-        # one instant inside is enough to drop out, also between the beginnings of two steps: memory[r, 1] notes it
-        before, timer = memory[r, 3], memory[r, 2]
-        if memory[r, 1] > 0.0:
-            before, timer = -abs(distance), 0.0  # half a step ago, on average
-        timer = 0.0 if start else transforms.time_beyond(distance, before, timer, tau)
-        if begin or after:
-            memory[r, 1], memory[r, 2], memory[r, 3] = 0.0, timer, distance
-        elif distance <= 0.0 and memory[r, 3] > 0.0:
-            memory[r, 1] = 1.0
-        elif memory[r, 1] > 0.0:
-            timer = 0.0
-        return transforms.relay(v, timer, a, q[i, first + 2], h)
-    if kind == RATE_LIMIT:
-        w = v if start else transforms.rate_limit(v, memory[r, 0], tau, a)
-    elif kind == LAG:
-        w = v if start else transforms.lag(v, memory[r, 0], memory[r, 1], tau, a)
-    else:
-        w = transforms.backlash(v, memory[r, 0], a)
-    if begin:
-        memory[r, 0] = w
-    if begin or after:
-        memory[r, 1] = v
-    return w
-
-
-@register_jitable(forceinline=True)
-def _apply(
-    place: Any, values: Any, offset: Any, x: Any, u: Any, t: Any, tau: Any, h: Any, k: Any, begin: Any,
-    n_states: Any, table: Any, owns: Any, q: Any, lane0: Any, lanes: Any, memory: Any, history: Any, dx: Any,
-) -> Any:  # fmt: skip
-    """Let all effects at one kind of place act on its values (from `offset` on), one after the other."""
-    for r in range(table.shape[0]):
-        if table[r, 1] != place:
-            continue
-        first, target, reads, own = table[r, 6], offset + table[r, 2], table[r, 3], table[r, 5]
-        for j in range(lanes):
-            i = lane0 + j
-            if q[i, first] == 0.0:  # at strength 0 nothing is done at all
-                continue
-            v = values[j, target]
-            s = v
-            if reads >= n_states:
-                s = u[j, reads - n_states]
-            elif reads >= 0:
-                s = x[j, reads]
-            z = 0.0
-            if own >= 0:
-                z = x[j, own]
-                dx[j, own] = terms.hysteresis_slope(s, z, q[i, first + 1])
-            values[j, target] = _act(
-                r, table, owns, q, i, v, s, t, tau, h, k, begin, memory[j], history[j], z
-            )
-            if table[r, 4] >= 0:
-                dx[j, table[r, 4]] += q[i, first + 2] * terms.spill(s, q[i, first], q[i, first + 1])
 
 
 @register_jitable(forceinline=True)
@@ -196,7 +51,7 @@ def _drive(
         for m in range(n):
             u[j, m] = inputs[from_step, stage, m]
     if active[INPUT]:
-        _apply(
+        apply_effects(
             INPUT,
             u,
             0,
@@ -220,7 +75,7 @@ def _drive(
     if n_signals > 0:
         law(t, x, u, p, u, n_states, n, n_signals, lanes)
         if active[SIGNAL]:
-            _apply(
+            apply_effects(
                 SIGNAL, u, n, x, u, t, tau, h, k, begin, n_states, table, owns, q, lane0, lanes, memory, history,
                 dx,
             )  # fmt: skip
@@ -249,7 +104,7 @@ def _evaluate(
             dx[j, m] = 0.0
     rhs(t, x, u, p, dx, n_states, 0, n_states, lanes)
     if active[EQUATION]:
-        _apply(
+        apply_effects(
             EQUATION,
             dx,
             0,
@@ -280,7 +135,7 @@ def _record(
     """Outputs at an instant that is recorded, h seconds after the one before."""
     readout(t, x, u, p, y, n_states, 0, y.shape[1], lanes)
     if active[OUTPUT]:
-        _apply(
+        apply_effects(
             OUTPUT,
             y,
             0,
@@ -362,7 +217,7 @@ def integrate(
     n_signals, n_states : int
         Internal signals, and the model's own states.
     table, owns : ndarray of shape (rows, 7), int, and (rows, 4)
-        See `ROW` and `ROW_CONSTANTS`.
+        See `ode_effects.ROW` and `ode_effects.ROW_CONSTANTS`.
     t0, h : float
         First instant and step in seconds.
     every : int
@@ -483,6 +338,7 @@ def compiled() -> Any:
     text = _TEMPLATE.format(arguments=", ".join(inspect.signature(integrate).parameters))
     modules = (
         sys.modules[__name__],
+        ode_effects,
         terms,
         transforms,
         base,

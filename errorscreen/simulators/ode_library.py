@@ -15,7 +15,7 @@ from errorscreen.effects.latent_input import KNOTS
 from errorscreen.events import InputSignal
 from errorscreen.exceptions import SimulationError
 from errorscreen.observations import Observation
-from errorscreen.simulators.ode_kernel import ROW, ROW_CONSTANTS
+from errorscreen.simulators.ode_effects import ROW, ROW_CONSTANTS
 from errorscreen.simulators.user_functions import selection
 
 if TYPE_CHECKING:

@@ -125,8 +125,10 @@ class PowerSystemSimulator(Simulator):
         self.units = ("pu",) * len(self.channels)
         devices = {item.model.name: item.model for item in self._items}
         if effects is None:
-            kinds = {u.model.name: u.model.name for u in self.units_under_test}
-            kinds |= dict.fromkeys((load.model.name for load in self.loads_under_test), LOAD.name)
+            kinds = {
+                item.model.name: item.model.name if isinstance(item, Unit) else LOAD.name
+                for item in self._items
+            }
             effects = grid_effects(kinds, self.channels, self.network, self.event)
         self.effects = tuple(effects)
         inside = tuple(e for e in self.effects if e.kind in INSIDE)
