@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery.hypotheses import Hypothesis, JointFit, linearised
 from errorscreen.discovery.remainder import Remainder, remainder_test
-from errorscreen.discovery.signatures import SignatureSearch, escapes, searched
+from errorscreen.discovery.signatures import SignatureSearch, elsewhere, escapes, searched
 from errorscreen.effects.base import Effect
 from errorscreen.exceptions import SimulationError
 from errorscreen.observations import Observation
@@ -31,6 +31,10 @@ _COARSE, _REFINED = 2, 2
 _BEGUN, _FIRST, _KEPT, _SLICES = 3, 5, 2, 6
 #: times that a fit is led out of a local minimum
 _ESCAPES = 3
+#: starts all over the ranges of a fit that is led out of a local minimum: how many are kept after how many iterations
+_HALVING = ((16, 3), (8, 6), (3, 0))
+#: what leaves more than this share of what parameters leave is not worth it
+_PART = 0.5
 #: most parameters of a model with its effects, for a search of all their ranges
 _FEW = 8
 #: a joint fit goes on while its distance from the best is less than so many times what it gained last
@@ -89,6 +93,7 @@ class Competition:
         self.scores: dict[str, float] = {}
         self.signatures: dict[str, float] = {}
         self.n_simulations = 0
+        self._spread_out: set[str] = set()
         self._keep(base, self._test(base))
         self._polish(base)
 
@@ -110,6 +115,7 @@ class Competition:
     def run(self, candidates: Sequence[Effect]) -> None:
         """Try effects beside the parameters, and pairs of them as long as nothing is adequate."""
         self._extend(self.base, candidates, 1)
+        self._spread()
         self._eliminate()
 
     def _passes(self, remainder: Remainder) -> bool:
@@ -148,6 +154,8 @@ class Competition:
         if fitted and not self.adequate:
             best = min(range(len(fitted)), key=lambda i: fitted[i].objective)
             fitted[best] = self._polish(fitted[best])
+            if depth == 1 and not self.adequate:  # pairs are dearer, and make up for a wrong minimum
+                fitted[best] = self._everywhere(fitted[best])
         if depth < self.max_effects and not self.adequate:
             fitted.sort(key=lambda h: -h.evidence)
             for hypothesis in fitted[:_BEAM]:
@@ -226,9 +234,10 @@ class Competition:
         if not starts:
             return None
         try:
-            better = (
-                JointFit(hypothesis.effects, problem, np.array(starts)).run(_FIRST * _SLICES).hypothesis()
-            )
+            fit = JointFit(hypothesis.effects, problem, np.array(starts))
+            for kept, iterations in _HALVING:
+                fit.keep(kept).run(iterations)
+            better = fit.run(_FIRST * _SLICES).hypothesis()
         except SimulationError:
             return None
         if better.objective > hypothesis.objective - _WORTH:
@@ -262,6 +271,26 @@ class Competition:
                     self._keep(better, self._test(better), other)
         return finer
 
+    def _spread(self) -> None:
+        """Where nothing is adequate: fit what comes nearest to noise from everywhere, also each effect of it alone.
+
+        A fit in a local minimum looks exactly like something that no one knows.
+        """
+        sets: list[tuple[Effect, ...]] = []
+        for number in range(self.max_effects + 1):
+            members = [h for h in self.hypotheses if len(h.effects) == number]
+            if members:
+                nearest = max(members, key=lambda h: self.scores[h.name])
+                sets += [(effect,) for effect in nearest.effects if number > 1]
+                sets.append(nearest.effects)
+        for effects in dict.fromkeys(sets):
+            if self.adequate:
+                return
+            part = [h for h in self.hypotheses if set(h.effects) < set(effects)]
+            whole = [h for h in self.hypotheses if effects and set(h.effects) > set(effects)]
+            near = [max(hs, key=lambda h: self.scores[h.name]) for hs in (part, whole) if hs]
+            self._refit(effects, self.base, near, everywhere=True)
+
     def _eliminate(self) -> None:
         """Fit the best adequate hypothesis without each of its effects.
 
@@ -273,11 +302,41 @@ class Competition:
         best = self.adequate[0]
         for dropped in best.effects:
             effects = tuple(e for e in best.effects if e is not dropped)
-            before = next((h for h in self.hypotheses if set(h.effects) == set(effects)), None)
-            starts = [h for h in (best, before) if h is not None]
-            fitted = self._refitted(effects, best.observations, best.simulator, starts)
-            if fitted is not None:
-                self._keep(fitted, self._test(fitted), before)
+            self._refit(effects, best, [best], everywhere=bool(effects))
+
+    def _refit(
+        self, effects: Sequence[Effect], like: Hypothesis, near: Sequence[Hypothesis], *, everywhere: bool
+    ) -> None:
+        """Fit some effects from where other hypotheses have ended and, if asked for, from all over the ranges.
+
+        Parameters
+        ----------
+        effects : sequence of Effect
+        like : Hypothesis
+            With its step and noise.
+        near : sequence of Hypothesis
+        everywhere : bool
+        """
+        before = next((h for h in self.hypotheses if set(h.effects) == set(effects)), None)
+        starts = [*near, *([before] if before else [])]
+        fitted = self._refitted(effects, like.observations, like.simulator, starts)
+        if fitted is None:
+            return
+        self._keep(fitted, self._test(fitted), before)
+        hopeless = effects and fitted.chi2 > _PART * self.base.chi2
+        if everywhere and not hopeless and not self.is_adequate(fitted):
+            self._everywhere(fitted)
+
+    def _everywhere(self, hypothesis: Hypothesis) -> Hypothesis:
+        """Fit a hypothesis from all over the ranges, once; what is best takes its place."""
+        if hypothesis.name in self._spread_out:
+            return hypothesis
+        self._spread_out.add(hypothesis.name)
+        self.tell(f"other starts of {hypothesis.name}")
+        problem = FitProblem(hypothesis.simulator, list(hypothesis.observations), hypothesis.names)
+        better = self._better(hypothesis, problem, elsewhere(hypothesis, problem, self.seed))
+        self.n_simulations += problem.n_simulations
+        return self._polish(self._escape(better or hypothesis))
 
     def _refitted(
         self,

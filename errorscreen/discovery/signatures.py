@@ -30,6 +30,8 @@ _WIDE = 10.0
 _LINE = 48
 #: values of all parameters of an effect with many minima that are tried together, for each of `_SPREADS`
 _CLOUD = 48
+#: simulations with all parameters drawn together, and how many of them are starts of a fit
+_DRAWN, _STARTS = 2048, 16
 #: individuals for each parameter, and generations, of a global search
 _CROWD, _GENERATIONS = 16, 80
 
@@ -191,6 +193,36 @@ def escapes(hypothesis: Hypothesis, problem: FitProblem, random_state: Any = 0) 
             start[others] += steps[best]
             found.append((float(objective[best]), start))
     return [start for _, start in sorted(found, key=lambda item: item[0])]
+
+
+def elsewhere(hypothesis: Hypothesis, problem: FitProblem, random_state: Any = 0) -> list[_Array]:
+    """Points all over the ranges of the model's parameters, those with the lowest objective first.
+
+    In half of them the parameters of effects are drawn too, in half they scatter around the fitted ones: what is strong
+    is often known before the rest fits.
+
+    Parameters
+    ----------
+    hypothesis : Hypothesis
+        Fitted.
+    problem : FitProblem
+        It was fitted to.
+    random_state : None, int, SeedSequence, Generator or RandomState
+
+    Returns
+    -------
+    list of ndarray of shape (k,)
+    """
+    rng = generator(random_state)
+    lower, upper = problem.scaled_bounds
+    u = (latin_hypercube(problem.space, _DRAWN, rng) - problem.space.nominal) / problem.space.scales
+    own = np.isin(problem.names, [e.local(p.name) for e in hypothesis.effects for p in e.parameters])
+    near = np.arange(_DRAWN) % 2 == 0
+    scatter = _SPREADS[0] * (upper - lower) * rng.standard_normal(u.shape)
+    around = np.clip(hypothesis.u + scatter, lower, upper)
+    u[np.ix_(near, own)] = around[np.ix_(near, own)]
+    costs = problem.chi_square(problem.values(u)) + ((u / PRIOR) ** 2).sum(axis=1)
+    return list(u[np.argsort(costs, kind="stable")[:_STARTS]])  # NaN comes last
 
 
 def searched(problem: FitProblem, random_state: Any = 0) -> _Array:

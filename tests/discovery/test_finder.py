@@ -7,6 +7,7 @@ import pytest
 
 from errorscreen.bench.discovery import run_scenario
 from errorscreen.bench.plant_scenarios import draw_plant_scenario
+from errorscreen.bench.trap_scenarios import draw_trap_scenario
 from errorscreen.discovery import CauseFinder, Verdict
 from errorscreen.exceptions import InputError
 from tests.plants import plant
@@ -124,6 +125,16 @@ def test_bad_arguments_are_refused():
         CauseFinder(hidden.simulator, significance=0.0).fit(recordings)
     with pytest.raises(InputError, match="an object of a subclass of Simulator"):
         CauseFinder("a model").fit(recordings)
+
+
+def test_a_relay_in_a_local_minimum_is_not_mended_by_a_second_effect():
+    """The signature of a relay alone is poor here, and beside a saturation that is not there its fit leaves noise."""
+    hidden = draw_trap_scenario(np.random.SeedSequence(53, spawn_key=(138,)).spawn(2)[0], 40.0)
+    names = ["saturation_level", "level.overflow(level)", "supply.relay_above(level)"]
+    finder = CauseFinder(hidden.simulator, names, random_state=0).fit(list(hidden.recordings))
+    assert hidden.effects == ("supply.relay_above(level)",)
+    assert finder.best_.name == "supply.relay_above(level)"
+    assert finder.causes_[0].exact
 
 
 def test_a_perfect_model_is_within_noise():

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.discovery.hypotheses import JointFit, fit_hypothesis
-from errorscreen.discovery.signatures import SignatureSearch, escapes, searched, spread_over
+from errorscreen.discovery.hypotheses import PRIOR, JointFit, fit_hypothesis
+from errorscreen.discovery.signatures import SignatureSearch, elsewhere, escapes, searched, spread_over
 from errorscreen.events import InputSignal
 from errorscreen.parameters import Parameter
 from errorscreen.recordings import Recording
@@ -103,3 +103,25 @@ def test_no_way_leads_out_of_the_lowest_minimum(spring):
     best = fit_hypothesis((effect,), problem, np.zeros(3))
     for way in escapes(best, problem):
         assert JointFit((effect,), problem, way).run(30).objective > best.objective - 1.0
+
+
+def test_a_fit_from_all_over_the_ranges_leaves_a_local_minimum(relay):
+    model, effect, observation = relay
+    problem = FitProblem(model.extend(effect), observation)
+    start = (np.array([0.55, 0.22, 0.5, 2.6, 4.0]) - problem.space.nominal) / problem.space.scales
+    stuck = JointFit((effect,), problem, start).run(30).hypothesis()
+    starts = elsewhere(stuck, problem, 0)
+    lower, upper = problem.scaled_bounds
+    assert all(np.all(u >= lower) and np.all(u <= upper) for u in starts)
+    costs = [float(problem.chi_square(problem.values(u))[0] + ((u / PRIOR) ** 2).sum()) for u in starts]
+    assert np.all(np.diff(costs) >= 0)
+    assert np.array_equal(starts, elsewhere(stuck, problem, 0))
+    assert JointFit((effect,), problem, starts).run(30).objective < 0.9 * stuck.objective
+
+
+def test_without_effects_starts_are_all_over_the_ranges_too(spring):
+    model, observation = spring
+    problem = FitProblem(model, observation)
+    fitted = fit_hypothesis((), problem, np.zeros(2))
+    starts = np.array(elsewhere(fitted, problem, 0))
+    assert starts.shape == (len(np.unique(starts, axis=0)), 2)
