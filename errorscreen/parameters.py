@@ -196,6 +196,9 @@ class ParameterSpace:
     def replace(self, changes: Mapping[str, Mapping[str, float]]) -> ParameterSpace:
         """Return a space in which some fields of some parameters are changed.
 
+        With a new nominal value, a scale that was the size of the old one becomes that of the new one; another scale
+        stays as it is.
+
         Examples
         --------
         >>> space = ParameterSpace([Parameter("a", 1, 0, 2)])
@@ -207,7 +210,7 @@ class ParameterSpace:
         out = []
         for p in self:
             change = dict(changes.get(p.name, {}))
-            if "nominal" in change and "scale" not in change:
+            if "nominal" in change and "scale" not in change and p.scale == abs(p.nominal):
                 change["scale"] = None  # type: ignore[assignment]  # measured against the new nominal
             out.append(replace(p, **change) if change else p)  # type: ignore[arg-type]
         return ParameterSpace(out)

@@ -66,6 +66,14 @@ def test_replace_measures_against_the_new_nominal():
     assert changed["b"] == SPACE["b"]
 
 
+def test_a_scale_of_its_own_stays_with_another_nominal_value():
+    space = ParameterSpace([Parameter("offset", 0.0, -1.0, 1.0, scale=0.2), Parameter("gain", 2.0, 0.0, 5.0)])
+    assert space.replace({"offset": {"nominal": 0.5}})["offset"].scale == 0.2
+    assert space.replace({"offset": {"nominal": 0.5, "scale": 0.1}})["offset"].scale == 0.1
+    with pytest.raises(InputError, match="Give scale="):
+        space.replace({"gain": {"nominal": 0.0}})
+
+
 def test_space_is_hashable_and_tabulated():
     assert len({SPACE, ParameterSpace(list(SPACE))}) == 1
     frame = SPACE.to_frame()
