@@ -32,7 +32,7 @@ _BEGUN, _FIRST, _KEPT, _SLICES = 3, 5, 2, 6
 #: times that a fit is led out of a local minimum
 _ESCAPES = 3
 #: starts all over the ranges of a fit that is led out of a local minimum: how many are kept after how many iterations
-_HALVING = ((16, 3), (8, 6), (3, 0))
+_HALVING = ((16, 3), (8, 6), (3, _FIRST * _SLICES))
 #: what leaves more than this share of what parameters leave is not worth it
 _PART = 0.5
 #: most parameters of a model with its effects, for a search of all their ranges
@@ -237,7 +237,7 @@ class Competition:
             fit = JointFit(hypothesis.effects, problem, np.array(starts))
             for kept, iterations in _HALVING:
                 fit.keep(kept).run(iterations)
-            better = fit.run(_FIRST * _SLICES).hypothesis()
+            better = fit.hypothesis()
         except SimulationError:
             return None
         if better.objective > hypothesis.objective - _WORTH:

@@ -215,14 +215,13 @@ def elsewhere(hypothesis: Hypothesis, problem: FitProblem, random_state: Any = 0
     """
     rng = generator(random_state)
     lower, upper = problem.scaled_bounds
-    u = (latin_hypercube(problem.space, _DRAWN, rng) - problem.space.nominal) / problem.space.scales
+    u = _library(problem, _DRAWN, rng)
     own = np.isin(problem.names, [e.local(p.name) for e in hypothesis.effects for p in e.parameters])
     near = np.arange(_DRAWN) % 2 == 0
     scatter = _SPREADS[0] * (upper - lower) * rng.standard_normal(u.shape)
     around = np.clip(hypothesis.u + scatter, lower, upper)
     u[np.ix_(near, own)] = around[np.ix_(near, own)]
-    costs = problem.chi_square(problem.values(u)) + ((u / PRIOR) ** 2).sum(axis=1)
-    return list(u[np.argsort(costs, kind="stable")[:_STARTS]])  # NaN comes last
+    return _lowest(problem, u, _STARTS)
 
 
 def searched(problem: FitProblem, random_state: Any = 0) -> _Array:
@@ -239,8 +238,7 @@ def searched(problem: FitProblem, random_state: Any = 0) -> _Array:
     lower, upper = problem.scaled_bounds
 
     def objective(columns: _Array) -> _Array:
-        u = columns.T
-        value = problem.chi_square(problem.values(u)) + ((u / PRIOR) ** 2).sum(axis=1)
+        value = _objective(problem, columns.T)
         return np.where(np.isfinite(value), value, np.inf)
 
     found = differential_evolution(
@@ -288,8 +286,21 @@ def _matches(problem: FitProblem, own: _Array, n: int, rng: np.random.Generator)
     if not n:
         return []
     k = len(problem.space) - own.shape[1]
-    library = latin_hypercube(problem.space, n, rng)
-    u = (library - problem.space.nominal) / problem.space.scales
+    u = _library(problem, n, rng)
     u[:, k:] = own[rng.integers(len(own), size=n)]
-    costs = problem.chi_square(problem.values(u)) + ((u / PRIOR) ** 2).sum(axis=1)
-    return list(u[np.argsort(costs, kind="stable")[:2]])  # NaN comes last
+    return _lowest(problem, u, 2)
+
+
+def _library(problem: FitProblem, n: int, rng: np.random.Generator) -> _Array:
+    """Deviations (n, k) all over the ranges, in multiples of the scales."""
+    return (latin_hypercube(problem.space, n, rng) - problem.space.nominal) / problem.space.scales
+
+
+def _objective(problem: FitProblem, u: _Array) -> _Array:
+    """χ² with the prior's term at rows (n, k); NaN where the simulation fails."""
+    return np.asarray(problem.chi_square(problem.values(u)) + ((u / PRIOR) ** 2).sum(axis=1))
+
+
+def _lowest(problem: FitProblem, u: _Array, n: int) -> list[_Array]:
+    """The n rows with the lowest objective, that first."""
+    return list(u[np.argsort(_objective(problem, u), kind="stable")[:n]])  # NaN comes last
