@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +48,16 @@ class Event:
         """Step of the time axis in seconds."""
         return float((self.time[-1] - self.time[0]) / (len(self.time) - 1))
 
+    def first(self, samples: int) -> Self:
+        """Return the event on the first instants of its time axis only.
+
+        Parameters
+        ----------
+        samples : int
+            From 2 to L.
+        """
+        return replace(self, time=self.time[:samples])
+
 
 def _check_signals(signals: Mapping[str, NDArray[np.float64]], time: NDArray[np.float64]) -> None:
     for name, values in signals.items():
@@ -56,6 +66,10 @@ def _check_signals(signals: Mapping[str, NDArray[np.float64]], time: NDArray[np.
                 f"signal {name!r} has shape {np.shape(values)} or holds values that are not finite",
                 allowed=f"{len(time)} finite values",
             )
+
+
+def _cut(signals: Mapping[str, NDArray[np.float64]], samples: int) -> dict[str, NDArray[np.float64]]:
+    return {name: np.asarray(values)[:samples] for name, values in signals.items()}
 
 
 @dataclass(frozen=True)
@@ -80,6 +94,10 @@ class Playback(Event):
     def __post_init__(self) -> None:
         super().__post_init__()
         _check_signals(self.signals, self.time)
+
+    def first(self, samples: int) -> Self:
+        """Return the event on the first instants of its time axis only, see `Event.first`."""
+        return replace(self, time=self.time[:samples], signals=_cut(self.signals, samples))
 
 
 @dataclass(frozen=True)
@@ -106,6 +124,10 @@ class InputSignal(Event):
     def __post_init__(self) -> None:
         super().__post_init__()
         _check_signals(self.signals, self.time)
+
+    def first(self, samples: int) -> Self:
+        """Return the event on the first instants of its time axis only, see `Event.first`."""
+        return replace(self, time=self.time[:samples], signals=_cut(self.signals, samples))
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -108,6 +108,29 @@ class Observation:
         B = np.array([np.where(self.mask, column / self.sigma, 0.0).ravel() for column in columns]).T
         U, S, _ = np.linalg.svd(B, full_matrices=False)
         return U, 1.0 - 1.0 / np.sqrt(1.0 + S**2)
+
+    def first(self, samples: int) -> Observation:
+        """Return what was observed at the first instants of the time axis only.
+
+        Parameters
+        ----------
+        samples : int
+            From 2 to L.
+
+        Examples
+        --------
+        >>> event = Event(np.arange(4.0), start=1.0)
+        >>> seen = Observation(event, np.array([[0.0, 0.1, 0.3, 0.2]]), np.ones(1), ("P",), ("pu",))
+        >>> seen.first(3).values
+        array([[0. , 0.1, 0.3]])
+        """
+        return replace(
+            self,
+            event=self.event.first(samples),
+            values=self.values[:, :samples],
+            extra=None if self.extra is None else self.extra[:, :samples],
+            modes=None if self.modes is None else np.asarray(self.modes)[..., :samples],
+        )
 
     @property
     def time(self) -> NDArray[np.float64]:

@@ -10,11 +10,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from errorscreen.exceptions import SimulationError
 from errorscreen.metrics import channel_weights, objective, quiet_level, response_error
+from errorscreen.observations import Observation
 from errorscreen.simulators.base import Simulator
 from errorscreen.simulators.observations import as_observations, check_names
 
 #: simulated numbers that are held at a time when only their misfit is wanted (128 MiB)
 _CHUNK = 2**24
+#: samples after the start of an event that are the least part of a recording
+_LEAST = 8
 
 
 class FitProblem:
@@ -50,6 +53,14 @@ class FitProblem:
         self.n_failed = 0
         self._failures = ""
         self._levels = [quiet_level(o.values, o.time, o.event.start) for o in self.observations]
+
+    def until(self, share: float) -> FitProblem:
+        """Return the fit to this share of what each recording holds after the start of its event.
+
+        What happened before the start belongs to all of them.
+        """
+        parts = [o.first(_samples_until(o, share)) for o in self.observations]
+        return FitProblem(self.simulator, parts, self.names)
 
     def embed(self, values: ArrayLike) -> NDArray[np.float64]:
         """Full parameter vectors (n, m) for values (n, k) of the selected parameters, kept inside the bounds."""
@@ -116,3 +127,11 @@ class FitProblem:
                 self.n_failed += failed
                 self._failures = responses.failures()
             yield responses.values
+
+
+def _samples_until(observation: Observation, share: float) -> int:
+    """Samples up to a share of what follows the start of the event."""
+    time, start = observation.time, observation.event.start
+    before = int(np.searchsorted(time, start - 1e-9))
+    after = len(time) - before
+    return min(len(time), before + max(_LEAST, int(np.ceil(share * after))))

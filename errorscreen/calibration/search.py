@@ -34,6 +34,8 @@ class Track:
         Objective there.
     jacobian : ndarray of shape (N, k) or None
         Of the residuals at `u`; None where the position is newer.
+    central : bool
+        Whether it is taken by central differences.
     damping : float
         The value that worked last.
     promise : float
@@ -48,6 +50,7 @@ class Track:
     residuals: _Array
     cost: float
     jacobian: _Array | None = None
+    central: bool = False
     damping: float = _FIRST_DAMPING
     promise: float = np.inf
     state: str = "active"
@@ -56,15 +59,19 @@ class Track:
 class BoundedSearch:
     r"""Minimise :math:`\sum z_i(u)^2 + \sum (u_j / s)^2` inside bounds, from several starts in lockstep.
 
-    Each iteration evaluates two batches for all starts together: the central differences of the residuals z,
-    and one trial point for each of seven damping values. A step is the exact minimiser of the damped linear
+    Each iteration evaluates two batches for all starts together: the differences of the residuals z, and one
+    trial point for each of seven damping values. A step is the exact minimiser of the damped linear
     model inside the bounds: the normal matrix is scaled to unit diagonal, damped, and factorised by Cholesky,
     which leaves a small least-squares problem with bounds for `scipy.optimize.lsq_linear`. A clipped
     Levenberg–Marquardt step is not: it gets stuck as soon as a bound is active.
 
+    Differences are one-sided, which takes half the evaluations, until they lead no further, and central from
+    there on: where a limiter begins to act, the slope of one side promises what no step keeps, or hides a
+    descent on the other.
+
     A residual vector that is NaN marks a failed evaluation. A trial point that failed is not taken; a
-    difference is taken from the side that worked, and a parameter with no side that works counts as without
-    effect in that iteration.
+    central difference is taken from the side that worked, and a parameter with no side that works counts as
+    without effect in that iteration.
 
     Parameters
     ----------
@@ -77,7 +84,7 @@ class BoundedSearch:
         Converged where the undamped step inside the bounds promises to lower the objective by less than
         ``tol * max(1, χ²/N)``. A decrease by 1 is one standard deviation of one parameter.
     step : float
-        Step of the central differences in u.
+        Step of the differences in u.
     """
 
     def __init__(
@@ -110,36 +117,55 @@ class BoundedSearch:
     def iterate(self) -> bool:
         """Move every active track once; return whether any is still active."""
         active = self._active()
-        self.differentiate(active)
+        self._differentiate(active)
         for track in active:
             track.promise = self._promise(track)
             if track.promise < self._tol * self._unit(track):
-                track.state = "converged"
-        active = self._active()
+                self._end(track, "converged")
+        active = [track for track in self._active() if track.jacobian is not None]
         if active:
             self._try_steps(active)
         return bool(self._active())
 
     def differentiate(self, tracks: list[Track]) -> None:
-        """Give each track its Jacobian, where it has none: central differences in one batch."""
+        """Give each track its Jacobian by central differences, where it has none."""
+        for track in tracks:
+            if not track.central:
+                track.central, track.jacobian = True, None
+        self._differentiate(tracks)
+
+    def _differentiate(self, tracks: list[Track]) -> None:
+        """Give each track its Jacobian, where it has none: all differences in one batch."""
         tracks = [track for track in tracks if track.jacobian is None]
         if not tracks:
             return
-        k = len(self._lower)
-        points = np.repeat([track.u for track in tracks], 2 * k, axis=0).reshape(len(tracks), 2, k, k)
-        diagonal = np.arange(k)
-        points[:, 0, diagonal, diagonal] += self._step
-        points[:, 1, diagonal, diagonal] -= self._step
-        points = np.clip(points, self._lower, self._upper)
-        z = self._residuals(points.reshape(-1, k)).reshape(len(tracks), 2, k, -1)
-        for track, point, values in zip(tracks, points, z, strict=True):
-            ends = point[:, diagonal, diagonal]
+        ends = [self._ends(track) for track in tracks]
+        z = self._residuals(np.concatenate([_moved(t.u, end) for t, end in zip(tracks, ends, strict=True)]))
+        batches = np.split(z, np.cumsum([end.size for end in ends])[:-1])
+        for track, end, batch in zip(tracks, ends, batches, strict=True):
+            values = batch.reshape(*end.shape, -1)
             failed = np.asarray(np.isnan(values).any(axis=-1))
-            ends = np.where(failed, track.u, ends)
+            end = np.where(failed, track.u, end)
             values = np.where(failed[..., None], track.residuals, values)
-            width = ends[0] - ends[1]
-            slope = (values[0] - values[1]) / np.where(width > 0, width, 1.0)[:, None]
-            track.jacobian = slope.T
+            # the other end of a one-sided difference is where the track is
+            other, there = (end[1], values[1]) if track.central else (track.u, track.residuals)
+            width = end[0] - other
+            track.jacobian = ((values[0] - there) / np.where(width != 0, width, 1.0)[:, None]).T
+
+    def _ends(self, track: Track) -> _Array:
+        """Values of each parameter at which residuals are needed, (2, k) or (1, k)."""
+        if track.central:
+            return np.clip([track.u + self._step, track.u - self._step], self._lower, self._upper)
+        inwards = np.where(track.u <= 0.5 * (self._lower + self._upper), self._step, -self._step)
+        return np.clip([track.u + inwards], self._lower, self._upper)
+
+    def _end(self, track: Track, state: str) -> None:
+        """End a track, or let it go on with central differences where it had one-sided ones."""
+        if track.central:
+            track.state = state
+        else:
+            track.central, track.jacobian = True, None
+            track.damping = min(track.damping, _FIRST_DAMPING)
 
     def normal_equations(self, track: Track, inflation: float = 1.0) -> tuple[_Array, _Array]:
         """Half the Gauss-Newton Hessian (k, k) and half the gradient (k,) of the objective.
@@ -200,4 +226,12 @@ class BoundedSearch:
                 track.damping *= _DAMPINGS[-1] / _DAMPINGS[0] * 10  # the next seven lie above all of these
                 continue
             if gain < _NO_PROGRESS * self._tol * self._unit(track):
-                track.state = "kink" if track.promise < self._unit(track) else "stalled"
+                self._end(track, "kink" if track.promise < self._unit(track) else "stalled")
+
+
+def _moved(u: _Array, ends: _Array) -> _Array:
+    """Points (s * k, k) with one parameter at a time at its end (s, k), all others as they are."""
+    points = np.tile(u, (*ends.shape, 1))
+    diagonal = np.arange(len(u))
+    points[:, diagonal, diagonal] = ends
+    return points.reshape(-1, len(u))

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery.hypotheses import Hypothesis, JointFit, linearised
 from errorscreen.discovery.remainder import Remainder, remainder_test
-from errorscreen.discovery.signatures import SignatureSearch, elsewhere, escapes, searched
+from errorscreen.discovery.restarts import elsewhere, escapes, searched
+from errorscreen.discovery.signatures import SignatureSearch
 from errorscreen.effects.base import Effect
 from errorscreen.exceptions import SimulationError
 from errorscreen.observations import Observation
@@ -228,10 +229,10 @@ class Competition:
         return hypothesis
 
     def _better(
-        self, hypothesis: Hypothesis, problem: FitProblem, starts: Sequence[_Array]
+        self, hypothesis: Hypothesis, problem: FitProblem, starts: Sequence[_Array] | _Array
     ) -> Hypothesis | None:
         """Fit a hypothesis from other starts, and take it in place of this one; None if that does not lead lower."""
-        if not starts:
+        if not len(starts):
             return None
         try:
             fit = JointFit(hypothesis.effects, problem, np.array(starts))
@@ -334,7 +335,9 @@ class Competition:
         self._spread_out.add(hypothesis.name)
         self.tell(f"other starts of {hypothesis.name}")
         problem = FitProblem(hypothesis.simulator, list(hypothesis.observations), hypothesis.names)
-        better = self._better(hypothesis, problem, elsewhere(hypothesis, problem, self.seed))
+        better = None
+        with contextlib.suppress(SimulationError):
+            better = self._better(hypothesis, problem, elsewhere(hypothesis, problem, self.seed))
         self.n_simulations += problem.n_simulations
         return self._polish(self._escape(better or hypothesis))
 

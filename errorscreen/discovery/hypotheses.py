@@ -154,6 +154,11 @@ class JointFit:
         """Lowest so far."""
         return self._search.best.cost
 
+    @property
+    def reached(self) -> _Array:
+        """Where all starts have got to (s, k), the best first."""
+        return np.array([track.u for track in sorted(self._search.tracks, key=lambda track: track.cost)])
+
     def run(self, iterations: int) -> JointFit:
         """Go on for so many iterations at most; `gained` is by how much they lowered the objective."""
         before = self.objective

@@ -1,4 +1,4 @@
-"""What an effect promises before it is fitted, and ways out of a local minimum after it was."""
+"""What an effect promises before it is fitted."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
-from scipy.optimize import differential_evolution
 
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.discovery.hypotheses import PRIOR, Hypothesis
+from errorscreen.discovery.hypotheses import PRIOR
 from errorscreen.effects.base import Effect
 from errorscreen.observations import Observation
 from errorscreen.parameters import Parameter, ParameterSpace
@@ -19,21 +18,13 @@ from errorscreen.sampling import generator, latin_hypercube
 from errorscreen.simulators.base import Simulator
 
 #: draws of later rounds scatter by these shares of the ranges around so many of the best
-_SPREADS, _ELITE = (0.1, 0.03, 0.01), 8
+SPREADS, _ELITE = (0.1, 0.03, 0.01), 8
 #: rounds of draws
-ROUNDS = 1 + len(_SPREADS)
+ROUNDS = 1 + len(SPREADS)
 #: draws of an effect with a single parameter; with d parameters so many times d squared, up to what is asked for
 _DRAWS_PER_SQUARE = 12
 #: a parameter whose bounds have at least this ratio is drawn in the logarithm
 _WIDE = 10.0
-#: values of one parameter that are tried in a search for a way out of a local minimum
-_LINE = 48
-#: values of all parameters of an effect with many minima that are tried together, for each of `_SPREADS`
-_CLOUD = 48
-#: simulations with all parameters drawn together, and how many of them are starts of a fit
-_DRAWN, _STARTS = 2048, 16
-#: individuals for each parameter, and generations, of a global search
-_CROWD, _GENERATIONS = 16, 80
 
 _Array = NDArray[np.float64]
 
@@ -98,9 +89,9 @@ class SignatureSearch:
         while self._round < rounds:
             for (u, J), best in zip(self._points, self._best, strict=True):
                 shares = self._drawn(best)
-                draws = spread_over(self.problem.space, self._k, shares, self.effect)
+                draws = spread_over(self.problem.space, self._k, shares, [self.effect])
                 rows = np.hstack([np.tile(u, (len(draws), 1)), draws])
-                objective, steps = _projected(self.problem, rows, J, np.arange(self._k))
+                objective, steps = projected(self.problem, rows, J, np.arange(self._k))
                 best += [(float(o), x, step) for o, x, step in zip(objective, shares, steps, strict=True)]
                 best.sort(key=lambda item: item[0])
                 del best[_ELITE:]
@@ -111,7 +102,7 @@ class SignatureSearch:
         if not best:
             return latin_hypercube(self._unit, self._n_draws * self.effect.minima, self._rng)
         parents = np.array([x for _, x, _ in best])[self._rng.integers(len(best), size=self._n_draws)]
-        spread = _SPREADS[self._round - 1]
+        spread = SPREADS[self._round - 1]
         return np.asarray(np.clip(parents + spread * self._rng.standard_normal(parents.shape), 0.0, 1.0))
 
     def starts(self, n_matches: int = 0) -> _Array:
@@ -131,7 +122,7 @@ class SignatureSearch:
         for (u, _), best in zip(self._points, self._best, strict=True):
             lowest, x, step = best[0]
             if np.isfinite(lowest):
-                own = spread_over(self.problem.space, self._k, x[None], self.effect)[0]
+                own = spread_over(self.problem.space, self._k, x[None], [self.effect])[0]
                 found.append((lowest, np.concatenate([u + step, own])))
                 found.append((lowest, np.concatenate([u, own])))
         found.sort(key=lambda item: item[0])
@@ -142,113 +133,7 @@ class SignatureSearch:
         return np.array(starts)
 
 
-def escapes(hypothesis: Hypothesis, problem: FitProblem, random_state: Any = 0) -> list[_Array]:
-    """Points from which a fit may reach a lower minimum, the most promising first.
-
-    One parameter of an effect at a time is moved through its range, and the others follow by the linear model, as in
-    (D2). What counts are timers, instants and frequencies: of these a fit finds the nearest minimum only. Those of an
-    effect with many minima are also moved together, over ever smaller parts of their ranges.
-
-    Parameters
-    ----------
-    hypothesis : Hypothesis
-        Fitted.
-    problem : FitProblem
-        It was fitted to.
-    random_state : None, int, SeedSequence, Generator or RandomState
-
-    Returns
-    -------
-    list of ndarray of shape (k,)
-        Only those that promise less than the hypothesis has reached.
-    """
-    space, u = problem.space, hypothesis.u
-    index = {name: j for j, name in enumerate(problem.names)}
-    tried: list[tuple[_Array, NDArray[np.int64]]] = []
-    lines = spread_over(space, 0, np.repeat((np.arange(_LINE) + 0.5)[:, None] / _LINE, len(space), axis=1))
-    rng = generator(random_state)
-    lower, upper = problem.scaled_bounds
-    for effect in hypothesis.effects:
-        own = [
-            index[name] for name in map(effect.local, (p.name for p in effect.parameters)) if name in index
-        ]
-        for j in own:
-            rows = np.tile(u, (_LINE, 1))
-            rows[:, j] = lines[:, j]
-            tried.append((rows, np.array([j])))
-        if effect.minima > 1:
-            spread = np.repeat(_SPREADS, _CLOUD)[:, None] * (upper - lower)[own]
-            rows = np.tile(u, (len(spread), 1))
-            rows[:, own] = np.clip(
-                u[own] + spread * rng.standard_normal(spread.shape), lower[own], upper[own]
-            )
-            tried.append((rows, np.array(own)))
-    found: list[tuple[float, _Array]] = []
-    for rows, moved in tried:
-        others = np.flatnonzero(hypothesis.free & ~np.isin(np.arange(len(u)), moved))
-        objective, steps = _projected(problem, rows, hypothesis.jacobian[:, others], others)
-        best = int(np.argmin(objective))
-        if objective[best] < hypothesis.objective:
-            start = rows[best].copy()
-            start[others] += steps[best]
-            found.append((float(objective[best]), start))
-    return [start for _, start in sorted(found, key=lambda item: item[0])]
-
-
-def elsewhere(hypothesis: Hypothesis, problem: FitProblem, random_state: Any = 0) -> list[_Array]:
-    """Points all over the ranges of the model's parameters, those with the lowest objective first.
-
-    In half of them the parameters of effects are drawn too, in half they scatter around the fitted ones: what is strong
-    is often known before the rest fits.
-
-    Parameters
-    ----------
-    hypothesis : Hypothesis
-        Fitted.
-    problem : FitProblem
-        It was fitted to.
-    random_state : None, int, SeedSequence, Generator or RandomState
-
-    Returns
-    -------
-    list of ndarray of shape (k,)
-    """
-    rng = generator(random_state)
-    lower, upper = problem.scaled_bounds
-    u = _library(problem, _DRAWN, rng)
-    own = np.isin(problem.names, [e.local(p.name) for e in hypothesis.effects for p in e.parameters])
-    near = np.arange(_DRAWN) % 2 == 0
-    scatter = _SPREADS[0] * (upper - lower) * rng.standard_normal(u.shape)
-    around = np.clip(hypothesis.u + scatter, lower, upper)
-    u[np.ix_(near, own)] = around[np.ix_(near, own)]
-    return _lowest(problem, u, _STARTS)
-
-
-def searched(problem: FitProblem, random_state: Any = 0) -> _Array:
-    """Deviations (k,) at the lowest objective that differential evolution finds, in multiples of the scales.
-
-    For few parameters, some of which are thresholds and timers that act again and again: there, all minima are narrow.
-    (Storn and Price, J. Global Optimization 11, 1997.)
-
-    Parameters
-    ----------
-    problem : FitProblem
-    random_state : None, int, SeedSequence, Generator or RandomState
-    """
-    lower, upper = problem.scaled_bounds
-
-    def objective(columns: _Array) -> _Array:
-        value = _objective(problem, columns.T)
-        return np.where(np.isfinite(value), value, np.inf)
-
-    found = differential_evolution(
-        objective, list(zip(lower, upper, strict=True)), popsize=_CROWD, maxiter=_GENERATIONS, polish=False,
-        vectorized=True, updating="deferred", rng=generator(random_state),
-    )  # fmt: skip
-    return np.asarray(found.x)
-
-
-def _projected(
+def projected(
     problem: FitProblem, rows: _Array, J: _Array, columns: NDArray[np.int64]
 ) -> tuple[_Array, _Array]:
     """Objectives (n,) of (D2) at rows (n, k), and the steps of the columns that reach them; inf where it fails."""
@@ -262,14 +147,14 @@ def _projected(
     return objective, steps
 
 
-def spread_over(space: ParameterSpace, first: int, shares: _Array, effect: Effect | None = None) -> _Array:
+def spread_over(space: ParameterSpace, first: int, shares: _Array, effects: Sequence[Effect] = ()) -> _Array:
     """Deviations of the parameters from number `first` on, at shares (n, d) of their ranges.
 
     Ranges over more than a decade are divided evenly in the logarithm: time constants and rates are known by order of
     magnitude. A range that begins at 0, or is symmetrical, begins at `Effect.smallest` where that is given.
     """
     lower, upper = space.bounds[first:].T
-    least = {} if effect is None else {effect.local(name): value for name, value in effect.smallest.items()}
+    least = {effect.local(name): value for effect in effects for name, value in effect.smallest.items()}
     small = np.array([least.get(name, 0.0) for name in space.names[first:]])
     signed = (small > 0) & (lower < 0)
     sign = np.where(signed & (shares < 0.5), -1.0, 1.0)
@@ -286,21 +171,21 @@ def _matches(problem: FitProblem, own: _Array, n: int, rng: np.random.Generator)
     if not n:
         return []
     k = len(problem.space) - own.shape[1]
-    u = _library(problem, n, rng)
+    u = library(problem, n, rng)
     u[:, k:] = own[rng.integers(len(own), size=n)]
     return _lowest(problem, u, 2)
 
 
-def _library(problem: FitProblem, n: int, rng: np.random.Generator) -> _Array:
+def library(problem: FitProblem, n: int, rng: np.random.Generator) -> _Array:
     """Deviations (n, k) all over the ranges, in multiples of the scales."""
     return (latin_hypercube(problem.space, n, rng) - problem.space.nominal) / problem.space.scales
 
 
-def _objective(problem: FitProblem, u: _Array) -> _Array:
+def objectives(problem: FitProblem, u: _Array) -> _Array:
     """χ² with the prior's term at rows (n, k); NaN where the simulation fails."""
     return np.asarray(problem.chi_square(problem.values(u)) + ((u / PRIOR) ** 2).sum(axis=1))
 
 
 def _lowest(problem: FitProblem, u: _Array, n: int) -> list[_Array]:
     """The n rows with the lowest objective, that first."""
-    return list(u[np.argsort(_objective(problem, u), kind="stable")[:n]])  # NaN comes last
+    return list(u[np.argsort(objectives(problem, u), kind="stable")[:n]])  # NaN comes last

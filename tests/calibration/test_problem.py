@@ -82,3 +82,19 @@ def test_chunks_change_nothing(monkeypatch):
     chunked = FitProblem(simulator, list(recordings()), ["omega"])
     np.testing.assert_array_equal(chunked.chi_square(values), whole)
     assert simulator.calls == 2 * 6
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 1.0])
+def test_a_part_of_the_recordings_is_what_it_is_in_the_whole(share):
+    whole = FitProblem(SIMULATOR, recordings())
+    part = whole.until(share)
+    values = [SIMULATOR.parameters.nominal]
+    assert part.names == whole.names
+    for cut, full in zip(part.observations, whole.observations, strict=True):
+        after = int((full.time >= full.event.start).sum())
+        kept = int((cut.time >= cut.event.start).sum())
+        assert kept == max(8, np.ceil(share * after))
+        assert cut.event.start == full.event.start
+        assert cut.event.name == full.event.name
+    for early, all_of_it in zip(part.deviations(values), whole.deviations(values), strict=True):
+        np.testing.assert_allclose(early, all_of_it[..., : early.shape[-1]], atol=1e-9)

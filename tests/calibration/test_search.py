@@ -60,7 +60,41 @@ def test_each_iteration_is_two_batches_for_all_starts_inside_the_bounds():
     search = BoundedSearch(counted, [-2, -2], [2, 2], prior=1e6, tol=1e-8, step=1e-4)
     search.begin([[-1.2, 1.0], [2.0, -2.0], [0.0, 2.0]])
     search.iterate()
-    assert sizes == [3, 3 * 4, 3 * 7]
+    assert sizes == [3, 3 * 2, 3 * 7]
+    search.differentiate(search.tracks)  # what is asked for is central
+    assert sizes[3:] == [3 * 4]
+
+
+def test_one_sided_differences_save_evaluations_and_end_where_central_ones_do():
+    ends, sizes = [], []
+    for central in (False, True):
+        evaluated = []
+
+        def counted(u, evaluated=evaluated):
+            evaluated.append(len(u))
+            return np.hstack([10 * (u[:, 1:] - u[:, :-1] ** 2), 1 - u])
+
+        search = BoundedSearch(counted, [-WIDE] * 8, [WIDE] * 8, prior=1e6, tol=1e-12, step=1e-4)
+        search.begin(np.full(8, 0.3))
+        search.tracks[0].central = central
+        while search.iterate():
+            pass
+        ends.append(search.best)
+        sizes.append(sum(n for n in evaluated if n != 7))
+    assert all(best.state == "converged" and best.central for best in ends)
+    np.testing.assert_allclose(ends[0].u, ends[1].u, rtol=1e-6)
+    np.testing.assert_allclose(ends[0].u, 1.0, rtol=1e-6)
+    assert sizes[0] < 0.75 * sizes[1]
+
+
+def test_a_descent_that_one_side_does_not_see_is_found():
+    """To the left of 0 the residuals change, to the right they do not; the one side that is tried is the right."""
+
+    def one_way(u):
+        return np.stack([np.minimum(u[:, 0], 0.0) + 1.0, 0 * u[:, 0]], axis=1)
+
+    search = run(one_way, [-2], [3], [[0.0]])
+    assert search.best.u[0] == pytest.approx(-1.0, abs=1e-3)
 
 
 def test_several_starts_escape_a_local_minimum():

@@ -1,0 +1,193 @@
+"""Ways out of a local minimum, which looks exactly like something that no one knows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import differential_evolution
+
+from errorscreen.calibration.problem import FitProblem
+from errorscreen.discovery.hypotheses import Hypothesis, JointFit
+from errorscreen.discovery.signatures import SPREADS, library, objectives, projected, spread_over
+from errorscreen.effects.base import Effect
+from errorscreen.parameters import Parameter, ParameterSpace
+from errorscreen.sampling import generator, latin_hypercube
+
+#: values of one parameter that are tried in a search for a way out of a local minimum
+_LINE = 48
+#: values of all parameters of an effect with many minima that are tried together, for each of `SPREADS`
+_CLOUD = 48
+#: simulations with all parameters drawn together, around so many values of the effects' own
+_DRAWN, _VALUES = 2048, 16
+#: parts of the recordings that starts are fitted to one after another, as shares of what follows the event, how many
+#: starts go on to each and for how many iterations
+_GROWTH = (
+    (0.1, 16, 3), (0.15, 12, 2), (0.2, 12, 2), (0.25, 10, 3), (0.33, 10, 3),
+    (0.4, 8, 3), (0.5, 8, 3), (0.6, 6, 3), (0.7, 6, 3), (0.85, 6, 3),
+)  # fmt: skip
+#: individuals for each parameter, and generations, of a global search
+_CROWD, _GENERATIONS = 16, 80
+
+_Array = NDArray[np.float64]
+
+
+def escapes(hypothesis: Hypothesis, problem: FitProblem, random_state: Any = 0) -> list[_Array]:
+    """Points from which a fit may reach a lower minimum, the most promising first.
+
+    One parameter of an effect at a time is moved through its range, and the others follow by the linear model, as in
+    (D2). What counts are timers, instants and frequencies: of these a fit finds the nearest minimum only. Those of an
+    effect with many minima are also moved together, over ever smaller parts of their ranges.
+
+    Parameters
+    ----------
+    hypothesis : Hypothesis
+        Fitted.
+    problem : FitProblem
+        It was fitted to.
+    random_state : None, int, SeedSequence, Generator or RandomState
+
+    Returns
+    -------
+    list of ndarray of shape (k,)
+        Only those that promise less than the hypothesis has reached.
+    """
+    space, u = problem.space, hypothesis.u
+    index = {name: j for j, name in enumerate(problem.names)}
+    tried: list[tuple[_Array, NDArray[np.int64]]] = []
+    lines = spread_over(space, 0, np.repeat((np.arange(_LINE) + 0.5)[:, None] / _LINE, len(space), axis=1))
+    rng = generator(random_state)
+    lower, upper = problem.scaled_bounds
+    for effect in hypothesis.effects:
+        own = [
+            index[name] for name in map(effect.local, (p.name for p in effect.parameters)) if name in index
+        ]
+        for j in own:
+            rows = np.tile(u, (_LINE, 1))
+            rows[:, j] = lines[:, j]
+            tried.append((rows, np.array([j])))
+        if effect.minima > 1:
+            spread = np.repeat(SPREADS, _CLOUD)[:, None] * (upper - lower)[own]
+            rows = np.tile(u, (len(spread), 1))
+            rows[:, own] = np.clip(
+                u[own] + spread * rng.standard_normal(spread.shape), lower[own], upper[own]
+            )
+            tried.append((rows, np.array(own)))
+    found: list[tuple[float, _Array]] = []
+    for rows, moved in tried:
+        others = np.flatnonzero(hypothesis.free & ~np.isin(np.arange(len(u)), moved))
+        objective, steps = projected(problem, rows, hypothesis.jacobian[:, others], others)
+        best = int(np.argmin(objective))
+        if objective[best] < hypothesis.objective:
+            start = rows[best].copy()
+            start[others] += steps[best]
+            found.append((float(objective[best]), start))
+    return [start for _, start in sorted(found, key=lambda item: item[0])]
+
+
+def elsewhere(hypothesis: Hypothesis, problem: FitProblem, random_state: Any = 0) -> _Array:
+    """Points all over the ranges of the parameters that are fitted to an ever longer part of the recordings.
+
+    What follows an event at once has few local minima, and what comes later is known well enough when it is reached:
+    an oscillation that is fitted from its first swing on cannot be fitted half a period off. So that the parameters of
+    effects are tried all over their ranges, and not only where the model's own happen to fit, simulations are drawn
+    around some values of these, and the best around each is followed. Half of the values scatter around the fitted
+    ones: what is strong is often known before the rest fits.
+
+    Parameters
+    ----------
+    hypothesis : Hypothesis
+        Fitted.
+    problem : FitProblem
+        It was fitted to.
+    random_state : None, int, SeedSequence, Generator or RandomState
+
+    Returns
+    -------
+    ndarray of shape (s, k)
+
+    Raises
+    ------
+    SimulationError
+        If none of them can be simulated.
+    """
+    rng = generator(random_state)
+    u = library(problem, _DRAWN, rng)
+    which = np.arange(_DRAWN) % _VALUES
+    own = np.flatnonzero(
+        np.isin(problem.names, [e.local(p.name) for e in hypothesis.effects for p in e.parameters])
+    )
+    u[:, own] = _values(hypothesis, problem, own, rng)[which]
+    part = problem.until(_GROWTH[0][0])
+    objective = objectives(part, u)
+    objective[np.isnan(objective)] = np.inf
+    problem.n_simulations += part.n_simulations
+    return grown(
+        hypothesis.effects,
+        problem,
+        [u[np.argmin(np.where(which == i, objective, np.inf))] for i in range(_VALUES)],
+    )
+
+
+def grown(effects: Sequence[Effect], problem: FitProblem, starts: ArrayLike) -> _Array:
+    """Where starts (s, k) have got to, fitted to an ever longer part of the recordings.
+
+    Parameters
+    ----------
+    effects : sequence of Effect
+        Those of the problem's simulator.
+    problem : FitProblem
+    starts : array-like of shape (s, k)
+
+    Returns
+    -------
+    ndarray of shape (r, k)
+        Those that got furthest.
+    """
+    for share, kept, iterations in _GROWTH:
+        part = problem.until(share)
+        starts = JointFit(effects, part, starts).keep(kept).run(iterations).reached
+        problem.n_simulations += part.n_simulations
+    return np.asarray(starts)
+
+
+def searched(problem: FitProblem, random_state: Any = 0) -> _Array:
+    """Deviations (k,) at the lowest objective that differential evolution finds, in multiples of the scales.
+
+    For few parameters, some of which are thresholds and timers that act again and again: there, all minima are narrow.
+    (Storn and Price, J. Global Optimization 11, 1997.)
+
+    Parameters
+    ----------
+    problem : FitProblem
+    random_state : None, int, SeedSequence, Generator or RandomState
+    """
+    lower, upper = problem.scaled_bounds
+
+    def objective(columns: _Array) -> _Array:
+        value = objectives(problem, columns.T)
+        return np.where(np.isfinite(value), value, np.inf)
+
+    found = differential_evolution(
+        objective, list(zip(lower, upper, strict=True)), popsize=_CROWD, maxiter=_GENERATIONS, polish=False,
+        vectorized=True, updating="deferred", rng=generator(random_state),
+    )  # fmt: skip
+    return np.asarray(found.x)
+
+
+def _values(
+    hypothesis: Hypothesis, problem: FitProblem, own: NDArray[np.int64], rng: np.random.Generator
+) -> _Array:
+    """Values of the effects' parameters, half around those fitted and half over their ranges, (v, d)."""
+    if not len(own):
+        return np.zeros((_VALUES, 0))
+    lower, upper = problem.scaled_bounds[:, own]
+    scatter = SPREADS[0] * (upper - lower) * rng.standard_normal((_VALUES // 2, len(own)))
+    near = np.clip(hypothesis.u[own] + scatter, lower, upper)
+    unit = ParameterSpace(Parameter(name, 0.5, 0.0, 1.0) for name in np.array(problem.names)[own])
+    shares = latin_hypercube(unit, _VALUES - len(near), rng)
+    return np.concatenate(
+        [near, spread_over(problem.space.subset(unit.names), 0, shares, hypothesis.effects)]
+    )

@@ -1,0 +1,53 @@
+"""Two models of users with something hidden in their recordings."""
+
+import numpy as np
+import pytest
+
+from errorscreen.events import InputSignal
+from errorscreen.parameters import Parameter
+from errorscreen.recordings import Recording
+from errorscreen.simulators import ODESimulator
+from tests.simulators.models import oscillator, push
+
+NOISE = 0.01
+
+
+def store_rhs(t, x, u, p, dx):
+    dx[0] = p[0] * u[0] - p[1] * x[0]
+
+
+def recorded(truth, event, output):
+    y = truth[0] + NOISE * np.random.default_rng(4).standard_normal(truth.shape[1])
+    return Recording.from_signals(
+        event.time, {**event.signals, output: y}, noise={output: NOISE}, name=event.name
+    )
+
+
+@pytest.fixture(scope="module")
+def spring():
+    """An oscillator whose spring softens, and the linear model of it."""
+    event = push()
+    truth = oscillator(event, step=0.005).extend("velocity.cubic(position)").simulate([0.45, 4.4, 0.6], event)
+    observation = oscillator(event).observe(recorded(truth.values[0], event, "position"))
+    return oscillator(event), observation
+
+
+@pytest.fixture(scope="module")
+def relay():
+    """A leaking store whose supply is cut again and again."""
+    time = np.arange(0, 40, 0.1)
+    event = InputSignal(time, "supply", 0.0, {"supply": np.repeat([1.6, 0.4, 1.9, 1.2], 100)})
+    parameters = [Parameter("a", 0.5, 0.25, 0.75), Parameter("b", 0.25, 0.12, 0.37)]
+    model = ODESimulator(
+        store_rhs,
+        ["level"],
+        parameters,
+        event,
+        inputs=["supply"],
+        outputs=["level"],
+        interpolation="hold",
+        step=0.025,
+    )
+    effect = next(e for e in model.effects if e.name == "supply.relay_above(level)")
+    truth = model.extend(effect).simulate([0.55, 0.22, 0.8, 2.1, 1.1], event)
+    return model, effect, model.observe(recorded(truth.values[0], event, "level"))
