@@ -83,7 +83,7 @@ class MAPCalibrator(BaseCalibrator):
         A start has converged where no step inside the bounds promises to lower the objective by more than
         ``tol * max(1, χ²/N)``.
     step : float, default 1e-4
-        Step of the central differences, in multiples of each parameter's scale.
+        Step of the differences, in multiples of each parameter's scale.
     level : float, default 0.9
         Probability that an interval is to hold the true value.
     random_state : None, int, SeedSequence, Generator or RandomState
