@@ -168,7 +168,8 @@ class Competition:
         """Searches for signatures at the fitted values and at the nominal ones, the most promising first."""
         simulator, observations = base.simulator, base.observations
         points = [(base.u, base.jacobian)]
-        if not base.effects:  # with an effect the nominal values of its parameters mean nothing
+        # with an effect the nominal values of its parameters mean nothing; a fit that leaves only noise is not stuck
+        if not base.effects and not self.is_adequate(base):
             problem = FitProblem(simulator, list(observations))
             zero = np.zeros(len(base.u))
             points.append((zero, linearised(problem, zero)[1]))
