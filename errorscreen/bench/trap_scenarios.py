@@ -171,7 +171,7 @@ def _brim(into: bool, sensor: bool = False) -> Callable[[np.random.Generator], A
             return (brim, 0.0), (1.0, -0.5, brim)
         share = float(rng.uniform(0.6, 1.0)) if into else 0.0
         # a spill at once is the steepest that the library allows
-        k = 1.9 * _STEPS / 0.25
+        k = 19.0 * _STEPS / 0.25
         return (brim, share), (k, brim, share) if into else (k, brim)
 
     return draw

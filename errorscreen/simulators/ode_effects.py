@@ -75,7 +75,7 @@ def _act(
     if kind == HYSTERESIS:
         return terms.hysteresis(v, z, a)
     if kind == OVERFLOW:
-        return v - terms.spill(s, a, q[i, first + 1])
+        return v - terms.spill(v, s, a, q[i, first + 1], h)
     if kind == DEAD_BAND:
         return transforms.dead_band(v, a, q[i, first + 1])
     if kind == SATURATION:
@@ -158,4 +158,4 @@ def apply_effects(
                 r, table, owns, q, i, v, s, t, tau, h, k, begin, memory[j], history[j], z
             )
             if table[r, 4] >= 0:
-                dx[j, table[r, 4]] += q[i, first + 2] * terms.spill(s, q[i, first], q[i, first + 1])
+                dx[j, table[r, 4]] += q[i, first + 2] * terms.spill(v, s, q[i, first], q[i, first + 1], h)

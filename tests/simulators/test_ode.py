@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
+from scipy.optimize import brentq
 
 from errorscreen.effects.generic import TEMPLATES
 from errorscreen.events import Event, InputSignal
@@ -191,6 +192,53 @@ def test_a_spill_is_conserved():
     left = np.concatenate([[0.0], np.cumsum(0.5 * (outflow[1:] + outflow[:-1]) * dt)])
     assert np.allclose(stored - stored[0], inflow - left, atol=2e-2)
     assert not np.allclose(stored, simulator.baseline()[0], atol=1e-2)
+
+
+def filled(step, effect=True):
+    """The upper tank, filled with 1.5 m/s from a level of 1 m on."""
+    time = np.arange(0.0, 20.0, 0.2)
+    simulator = ODESimulator(
+        tanks_rhs, ["upper", "lower"], tanks().parameters, InputSignal(time, "fill", 0.0, {"flow": 1.5 + 0.0 * time}),
+        inputs=["flow"], outputs=["upper"], initial={"upper": 1.0, "lower": 1.0}, step=step,
+    )  # fmt: skip
+    return simulator.extend("upper.overflow(upper)") if effect else simulator
+
+
+@pytest.mark.parametrize("k", [0.5, 2.0, 30.0, 100.0])
+def test_a_level_rests_where_inflow_and_spill_balance_however_fast_it_spills(k):
+    level = filled(0.2).simulate([0.8, 0.7, k, 1.2]).values[0, 0]
+    balance = brentq(lambda x: 1.5 - 0.8 * np.sqrt(x) - k * (x - 1.2), 1.2, 4.0)
+    assert level[-1] == pytest.approx(balance, abs=1e-6)
+    # it comes to rest from below, and at once where the spill is steep
+    assert level.max() < balance + 1e-6
+
+
+def test_a_slow_spill_tends_to_its_equation_as_the_step_becomes_short():
+    time = filled(0.2).event.time
+    expected = solve_ivp(
+        lambda t, x: 1.5 - 0.8 * np.sqrt(x) - 2.0 * np.maximum(x - 1.2, 0.0),
+        (0.0, time[-1]), [1.0], t_eval=time, rtol=1e-10, atol=1e-12, max_step=0.01,
+    ).y[0]  # fmt: skip
+    far, near, nearest = (
+        np.abs(filled(step).simulate([0.8, 0.7, 2.0, 1.2]).values[0, 0] - expected).max()
+        for step in (0.2, 0.05, 0.0125)
+    )
+    assert far > 2 * near > 4 * nearest
+    assert nearest < 2e-3
+
+
+def test_a_steep_spill_keeps_the_level_at_the_brim():
+    """Against a level that is cut off at the brim after each of many short steps."""
+    steep = filled(0.05).effects
+    most = next(e for e in steep if e.name == "upper.overflow(upper)").strength.upper
+    level = filled(0.05).simulate([0.8, 0.7, most, 1.2]).values[0, 0]
+    x, h, cut = 1.0, 1e-4, []
+    for _ in range(len(level)):
+        cut.append(x)
+        for _ in range(2000):
+            x = min(x + h * (1.5 - 0.8 * np.sqrt(x)), 1.2)
+    assert np.abs(level - cut).max() < 0.02
+    assert abs(level[-1] - 1.2) < 0.002
 
 
 def stored_and_outflow(t, x, u, p, y):

@@ -14,10 +14,10 @@ from errorscreen.parameters import Parameter
 _WIDE = 50.0
 #: smallest strength that matters, as a share of the largest
 _LEAST = 1e-3
-#: largest rate of a spill times the step: inside the stability region of the integrator, 2.8
-_STEEPEST = 2.0
+#: largest rate of a spill times the step: the level rests a twentieth of what arrives in a step above the brim
+_STEEPEST = 20.0
 #: templates whose strength is not known by order of magnitude only: shares, and what may have either sign
-_LINEAR = ("offset", "saturation", "overflow", "relay_above", "relay_below")
+_LINEAR = ("offset", "saturation", "relay_above", "relay_below")
 
 
 @dataclass(frozen=True)

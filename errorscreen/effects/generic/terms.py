@@ -31,7 +31,13 @@ so that it sticks where it should. In another equation a smoothed sign stands fo
    \varepsilon = \max(10^{-4} S,\; 0.6\,F h)                                                        \qquad (G18)
 
 with the size S of the signal: :math:`h F/\varepsilon` is then at most 1.7, inside the stability region of the
-integrator (2.8). Both become exact as the step goes to zero.
+integrator (2.8). A spill that is as good as instantaneous cannot be integrated either. What flows over the brim is
+that of an implicit step of length h/2, which needs no short one,
+
+.. math:: v - \frac{k}{1 + k h/2} \max\big(s + \tfrac{h}{2} v - c,\, 0\big)                         \qquad (G19)
+
+with v as all that acts on s without it: the level comes to rest at exactly c + v/k whatever k, and returns to it at a
+rate of at most 2/h. All three become exact as the step goes to zero.
 """
 
 from __future__ import annotations
@@ -112,6 +118,6 @@ def hysteresis_slope(s: Any, z: Any, y: Any) -> Any:
 
 
 @register_jitable
-def spill(s: Any, k: Any, c: Any) -> Any:
-    """What flows over the brim, (G9)."""
-    return k * max(s - c, 0.0)
+def spill(v: Any, s: Any, k: Any, c: Any, h: Any) -> Any:
+    """What flows over the brim, (G9) by (G19)."""
+    return k / (1.0 + 0.5 * k * h) * max(s + 0.5 * h * v - c, 0.0)
