@@ -51,6 +51,8 @@ class Event:
     def first(self, samples: int) -> Self:
         """Return the event on the first instants of its time axis only.
 
+        Kinds of events that hold more arrays along the time axis cut these too.
+
         Parameters
         ----------
         samples : int

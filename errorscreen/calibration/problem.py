@@ -16,7 +16,7 @@ from errorscreen.simulators.observations import as_observations, check_names
 
 #: simulated numbers that are held at a time when only their misfit is wanted (128 MiB)
 _CHUNK = 2**24
-#: samples after the start of an event that are the least part of a recording
+#: measured instants after the start of an event that are the least part of a recording
 _LEAST = 8
 
 
@@ -55,11 +55,11 @@ class FitProblem:
         self._levels = [quiet_level(o.values, o.time, o.event.start) for o in self.observations]
 
     def until(self, share: float) -> FitProblem:
-        """Return the fit to this share of what each recording holds after the start of its event.
+        """Return the fit to this share of what was measured after the start of each event.
 
-        What happened before the start belongs to all of them.
+        What was measured before the start belongs to all of them.
         """
-        parts = [o.first(_samples_until(o, share)) for o in self.observations]
+        parts = [self.simulator.part(o, _samples_until(o, share)) for o in self.observations]
         return FitProblem(self.simulator, parts, self.names)
 
     def embed(self, values: ArrayLike) -> NDArray[np.float64]:
@@ -130,8 +130,11 @@ class FitProblem:
 
 
 def _samples_until(observation: Observation, share: float) -> int:
-    """Samples up to a share of what follows the start of the event."""
-    time, start = observation.time, observation.event.start
-    before = int(np.searchsorted(time, start - 1e-9))
-    after = len(time) - before
-    return min(len(time), before + max(_LEAST, int(np.ceil(share * after))))
+    """Samples up to a share of the instants at which something was measured after the start of the event."""
+    after = np.flatnonzero(
+        observation.mask.any(axis=0) & (observation.time >= observation.event.start - 1e-9)
+    )
+    if not len(after):
+        return len(observation.time)
+    count = min(len(after), max(_LEAST, int(np.ceil(share * len(after)))))
+    return max(2, int(after[count - 1]) + 1)

@@ -89,6 +89,7 @@ class CauseFinder(BaseEstimator):
     placebo_ : Hypothesis or None
         A wrong effect that was fitted, to compare a gain with.
     n_simulations_ : int
+        Those of part of a recording count like whole ones.
 
     Examples
     --------

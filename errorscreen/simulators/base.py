@@ -118,6 +118,17 @@ class Simulator(ABC):
     def observe(self, recording: Any) -> Observation:
         """Bring a recording onto this simulator's channels, units and time grid."""
 
+    def part(self, observation: Observation, samples: int) -> Observation:
+        """Return what was observed at the first instants only, in a form that this simulator can be compared with.
+
+        Parameters
+        ----------
+        observation : Observation
+        samples : int
+            From 2 to L.
+        """
+        return observation.first(samples)
+
     def extend(self, effect: Effect | str, **options: Any) -> Simulator:
         """Add an effect of the library; its parameters join `parameters`, the strength first.
 

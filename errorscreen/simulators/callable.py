@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -128,6 +129,11 @@ class CallableSimulator(Simulator):
                 f"a {type(recording).__name__} is not a recording", allowed="Recording, Observation"
             )
         return signal_observation(recording, self.inputs, self.channels, self.units, {})
+
+    def part(self, observation: Observation, samples: int) -> Observation:
+        """Return what was observed at the first instants, and nothing later: a program may know its own events only."""
+        early = np.arange(len(observation.time)) < samples
+        return replace(observation, values=np.where(early, observation.values, np.nan))
 
     def simulate(self, theta: ArrayLike, event: Event | None = None) -> Responses:
         """Simulate every row of `theta`; see `Simulator.simulate`.

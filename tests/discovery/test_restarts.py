@@ -1,5 +1,7 @@
 """Ways out of local minima."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -76,3 +78,14 @@ def test_an_oscillation_is_not_fitted_half_a_period_off_when_it_is_fitted_from_i
     start = (np.array([0.02, k]) - problem.space.nominal) / problem.space.scales
     assert JointFit((), problem, start).run(60).objective > 100 * problem.n_values
     np.testing.assert_allclose(problem.values(grown((), problem, [start])), [truth], rtol=0.05)
+
+
+def test_starts_grow_over_a_gap(spring):
+    model, observation = spring
+    early = observation.time < observation.time[len(observation.time) // 3]
+    gap = replace(observation, values=np.where(early, np.nan, observation.values))
+    problem = FitProblem(model, gap)
+    reached = grown((), problem, np.zeros((1, 2)))
+    assert JointFit((), problem, reached).run(20).objective == pytest.approx(
+        JointFit((), problem, np.zeros((1, 2))).run(40).objective, rel=1e-3
+    )

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from errorscreen.calibration import MAPCalibrator
+from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery import CauseFinder
 from errorscreen.events import Event, InputSignal
 from errorscreen.exceptions import InputError
@@ -45,6 +46,19 @@ def recorded(theta, event, noise=0.002, seed=0, change=lambda y: y):
     return Recording.from_signals(
         TIME, values, name=event.name, units={"y": "m"}, noise={"y": noise}, event_time=1.0
     )
+
+
+def test_a_program_that_knows_whole_events_only_is_compared_with_part_of_one():
+    def stubborn(theta, event):
+        assert len(event.time) == len(TIME)
+        return program(theta, event)
+
+    simulator = box(function=stubborn)
+    whole = FitProblem(simulator, recorded([1.2, 0.8], step()))
+    part = whole.until(0.25)
+    assert part.n_values == 20 + 35  # a second of quiet, and a quarter of seven seconds
+    theta = [[1.0, 1.0], [1.5, 0.5]]
+    assert np.array_equal(part.residuals(theta), whole.residuals(theta)[:, : part.n_values])
 
 
 def batch(theta, event):
