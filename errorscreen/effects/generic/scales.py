@@ -181,11 +181,10 @@ def _hysteresis(at: Scales) -> tuple[Parameter, ...]:
 def _overflow(at: Scales) -> tuple[Parameter, ...]:
     low, high = at.anatomy.ranges[at.signal]
     most = _STEEPEST / at.anatomy.step
-    brim = low + 0.2 * (high - low), high
     share = (at.between("r", 0.0, 2.0, "", "r", "share that arrives", 0.5),) if at.into else ()
     return (
         strength("k", 0.3 * most, most, "1/s", at.of, "k", "how fast it flows away; 0: none"),
-        at.between("c", *brim, at.unit, "c", "height of the brim", low + 0.7 * (high - low)),
+        at.between("c", low, high, at.unit, "c", "height of the brim", low + 0.7 * (high - low)),
         *share,
     )
 
