@@ -24,7 +24,6 @@ from errorscreen.calibration.problem import FitProblem
 from errorscreen.calibration.search import BoundedSearch, Track
 from errorscreen.calibration.truncated import sample_truncated_normal
 from errorscreen.exceptions import DataWarning, check_integer, check_real
-from errorscreen.sampling import latin_hypercube
 from errorscreen.simulators.base import Simulator
 
 if TYPE_CHECKING:
@@ -300,9 +299,8 @@ class MAPCalibrator(BaseCalibrator):
         if not others:
             return first
         size = check_integer(self.library_size, "library_size", low=others)
-        library = latin_hypercube(space, size, self.random_state)
-        u = (library - space.nominal) / space.scales
-        costs = problem.chi_square(library) + ((u / self.prior_scale) ** 2).sum(axis=1)
+        u = problem.drawn(size, self.random_state)
+        costs = problem.chi_square(problem.values(u)) + ((u / self.prior_scale) ** 2).sum(axis=1)
         return np.vstack([first, u[np.argsort(costs, kind="stable")[:others]]])  # NaN comes last
 
     def _finish(

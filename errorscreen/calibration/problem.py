@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from errorscreen.exceptions import SimulationError
 from errorscreen.metrics import channel_weights, objective, quiet_level, response_error
 from errorscreen.observations import Observation
+from errorscreen.sampling import latin_hypercube
 from errorscreen.simulators.base import Simulator
 from errorscreen.simulators.observations import as_observations, check_names
 
@@ -61,6 +62,10 @@ class FitProblem:
         """
         parts = [self.simulator.part(o, _samples_until(o, share)) for o in self.observations]
         return FitProblem(self.simulator, parts, self.names)
+
+    def drawn(self, n: int, random_state: Any = None) -> NDArray[np.float64]:
+        """Scaled deviations u (n, k) all over the ranges, a Latin hypercube."""
+        return (latin_hypercube(self.space, n, random_state) - self.space.nominal) / self.space.scales
 
     def embed(self, values: ArrayLike) -> NDArray[np.float64]:
         """Full parameter vectors (n, m) for values (n, k) of the selected parameters, kept inside the bounds."""

@@ -121,7 +121,7 @@ class BoundedSearch:
         for track in active:
             track.promise = self._promise(track)
             if track.promise < self._tol * self._unit(track):
-                self._end(track, "converged")
+                self._stop(track, "converged")
         active = [track for track in self._active() if track.jacobian is not None]
         if active:
             self._try_steps(active)
@@ -159,7 +159,7 @@ class BoundedSearch:
         inwards = np.where(track.u <= 0.5 * (self._lower + self._upper), self._step, -self._step)
         return np.clip([track.u + inwards], self._lower, self._upper)
 
-    def _end(self, track: Track, state: str) -> None:
+    def _stop(self, track: Track, state: str) -> None:
         """End a track, or let it go on with central differences where it had one-sided ones."""
         if track.central:
             track.state = state
@@ -226,7 +226,7 @@ class BoundedSearch:
                 track.damping *= _DAMPINGS[-1] / _DAMPINGS[0] * 10  # the next seven lie above all of these
                 continue
             if gain < _NO_PROGRESS * self._tol * self._unit(track):
-                self._end(track, "kink" if track.promise < self._unit(track) else "stalled")
+                self._stop(track, "kink" if track.promise < self._unit(track) else "stalled")
 
 
 def _moved(u: _Array, ends: _Array) -> _Array:

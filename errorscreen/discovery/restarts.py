@@ -11,7 +11,7 @@ from scipy.optimize import differential_evolution
 
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery.hypotheses import Hypothesis, JointFit
-from errorscreen.discovery.signatures import SPREADS, library, objectives, projected, spread_over
+from errorscreen.discovery.signatures import SPREADS, objectives, projected, spread_over
 from errorscreen.effects.base import Effect
 from errorscreen.parameters import Parameter, ParameterSpace
 from errorscreen.sampling import generator, latin_hypercube
@@ -114,7 +114,7 @@ def elsewhere(hypothesis: Hypothesis, problem: FitProblem, random_state: Any = 0
         If none of them can be simulated.
     """
     rng = generator(random_state)
-    u = library(problem, _DRAWN, rng)
+    u = problem.drawn(_DRAWN, rng)
     which = np.arange(_DRAWN) % _VALUES
     own = np.flatnonzero(
         np.isin(problem.names, [e.local(p.name) for e in hypothesis.effects for p in e.parameters])

@@ -171,14 +171,9 @@ def _matches(problem: FitProblem, own: _Array, n: int, rng: np.random.Generator)
     if not n:
         return []
     k = len(problem.space) - own.shape[1]
-    u = library(problem, n, rng)
+    u = problem.drawn(n, rng)
     u[:, k:] = own[rng.integers(len(own), size=n)]
     return _lowest(problem, u, 2)
-
-
-def library(problem: FitProblem, n: int, rng: np.random.Generator) -> _Array:
-    """Deviations (n, k) all over the ranges, in multiples of the scales."""
-    return (latin_hypercube(problem.space, n, rng) - problem.space.nominal) / problem.space.scales
 
 
 def objectives(problem: FitProblem, u: _Array) -> _Array:

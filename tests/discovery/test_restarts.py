@@ -56,7 +56,7 @@ def test_a_fit_from_all_over_the_ranges_leaves_a_local_minimum(relay):
     assert JointFit((effect,), problem, starts).run(30).objective < 0.9 * stuck.objective
 
 
-def test_without_effects_starts_are_all_over_the_ranges_too(spring):
+def test_without_effects_the_lowest_minimum_is_found_too(spring):
     model, observation = spring
     problem = FitProblem(model, observation)
     fitted = fit_hypothesis((), problem, np.zeros(2))

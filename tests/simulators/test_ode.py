@@ -194,14 +194,14 @@ def test_a_spill_is_conserved():
     assert not np.allclose(stored, simulator.baseline()[0], atol=1e-2)
 
 
-def filled(step, effect=True):
+def filled(step):
     """The upper tank, filled with 1.5 m/s from a level of 1 m on."""
     time = np.arange(0.0, 20.0, 0.2)
     simulator = ODESimulator(
         tanks_rhs, ["upper", "lower"], tanks().parameters, InputSignal(time, "fill", 0.0, {"flow": 1.5 + 0.0 * time}),
         inputs=["flow"], outputs=["upper"], initial={"upper": 1.0, "lower": 1.0}, step=step,
     )  # fmt: skip
-    return simulator.extend("upper.overflow(upper)") if effect else simulator
+    return simulator.extend("upper.overflow(upper)")
 
 
 @pytest.mark.parametrize("k", [0.5, 2.0, 30.0, 100.0])
