@@ -81,12 +81,13 @@ class Playback(Event):
     Parameters
     ----------
     signals : mapping of str to ndarray of shape (L,)
-        ``"V"`` magnitude in pu and, where recorded, ``"angle"`` in rad.
+        ``"V"`` magnitude in pu and, where recorded, ``"angle"`` in rad; ``"P"`` and ``"Q"`` in pu where the voltage
+        behind an impedance is wanted.
     initial : mapping of str to float
         Pre-event values that the equilibrium is computed from: ``"V"``, ``"P"``, ``"Q"`` in pu.
     noise : mapping of str to float
-        Standard deviation of the noise of what was measured of the signals: ``"V"``, and ``"angle"``, or ``"f"`` where
-        the angle is the integral of a frequency. Empty for signals without noise.
+        Standard deviation of the noise of what was measured of the signals, by name; ``"f"`` where the angle is the
+        integral of a frequency. Empty for signals without noise.
     """
 
     signals: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)

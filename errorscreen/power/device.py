@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen.engine.stages import Equations
-from errorscreen.exceptions import unknown_name
+from errorscreen.exceptions import InputError, unknown_name
 from errorscreen.parameters import Parameter, ParameterSpace
 
 Values = dict[str, NDArray[np.float64]]
@@ -111,15 +111,31 @@ class Device:
     inputs = ("Vr", "Vi")
     outputs = ("P", "Q")
 
-    def constant_values(self, changes: Mapping[str, float] | None = None) -> dict[str, float]:
+    @property
+    def interface(self) -> GridInterface:
+        """Connection to a grid; a device without it raises `InputError`."""
+        if self.grid is None:
+            raise InputError(f"the device {self.name!r} cannot be connected to a grid")
+        return self.grid
+
+    def constant_values(
+        self, changes: Mapping[str, float] | None = None, in_grid: bool = False
+    ) -> dict[str, float]:
         """Values of the constants, with the user's own in place of the defaults.
+
+        Parameters
+        ----------
+        changes : mapping of str to float, optional
+        in_grid : bool
+            With those of the connection to a grid.
 
         Raises
         ------
         InputError
             If a name is not a constant of this device.
         """
-        values = {c.name: c.value for c in self.constants}
+        constants = (*self.constants, *(self.interface.constants if in_grid else ()))
+        values = {c.name: c.value for c in constants}
         for name, value in (changes or {}).items():
             if name not in values:
                 raise unknown_name(name, values, kind="constant", where=f"device {self.name!r}")

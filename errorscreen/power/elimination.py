@@ -18,7 +18,7 @@ from those of at most one converter behind a reactance (w) and one machine with 
 s is the rating of a unit over the base of the grid. (G5) is (M5), (M6) of the machine with the voltage source E and the
 impedance R + jX of the rest of the grid in its stator: a complex factor commutes with the rotation into the rotor's
 frame. Where there is no such converter, E is :math:`V_m^0` and R + jX is :math:`Z_{mm}`; where there is no such
-machine, :math:`I_w` is :math:`I_w^0`.
+machine, :math:`I_w` is :math:`I_w^0`. The same holds for a single unit on a voltage :math:`V^0` behind an impedance Z.
 """
 
 from __future__ import annotations

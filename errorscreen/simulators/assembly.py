@@ -9,12 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen.effects.base import Effect, Values
-from errorscreen.engine.stages import Call, Model, reads_of, stage, writes_of
+from errorscreen.engine.stages import Call, Equations, Model, reads_of, stage, writes_of
 from errorscreen.exceptions import unknown_name
+from errorscreen.power import elimination
 from errorscreen.power.device import Device
 
 #: kinds of effects that are compiled into a model
 INSIDE = ("mechanism", "latent")
+#: resistance and reactance between a device and the voltage that drives it
+_IMPEDANCE = ("R_grid", "X_grid")
 
 
 @stage("channel")
@@ -23,7 +26,7 @@ def channel(signal: Any) -> Any:
     return (signal,)
 
 
-def assemble(device: Device, effects: Iterable[Effect]) -> Model:
+def assemble(device: Device, effects: Iterable[Effect], behind_impedance: bool = False) -> Model:
     """Model of a device at a terminal, with every effect compiled in and switched by its strength.
 
     Effects on the same port act one after the other in the order given, directly behind the equations that write
@@ -34,6 +37,9 @@ def assemble(device: Device, effects: Iterable[Effect]) -> Model:
     device : Device
     effects : iterable of Effect
         Those that act inside the device; measurements are not compiled, see `measured`.
+    behind_impedance : bool
+        The inputs ``Er``, ``Ei`` are a voltage behind the impedance ``R_grid`` + j ``X_grid``, and not that of the
+        terminal: (G1) to (G5) of `errorscreen.power.elimination` for a single unit.
 
     Returns
     -------
@@ -47,24 +53,56 @@ def assemble(device: Device, effects: Iterable[Effect]) -> Model:
         If an effect acts on a port, or reads a quantity, that the device does not have.
     """
     effects = check_ports(device, effects)
+    inputs, own, states = device.inputs, device.stages, device.states
+    constants = (
+        *device.candidates.names,
+        *device.constant_values(in_grid=behind_impedance),
+        *device.setpoints,
+    )
     calls: list[Call] = []
-    for function in device.stages:
-        calls.append(Call(function, reads_of(function), writes_of(function)))
+    if behind_impedance:
+        inputs, own = ("Er", "Ei"), (*device.interface.terminal, *own[1:])
+        states = (*states, *(name for name, _ in device.interface.states))
+        constants = (*constants, *_IMPEDANCE, "size")
+        calls += [_call(function) for function in device.interface.source]
+        calls += _behind_impedance(device)
+    for function in own:
+        calls.append(_call(function))
         calls.extend(
             effect_call(effect) for name in writes_of(function) for effect in effects if effect.port == name
         )
     for name in device.outputs:
         calls.append(Call(channel, (name,), (f"channel.{name}",), each_step=True))
-    constants = (*device.candidates.names, *(c.name for c in device.constants), *device.setpoints)
     return Model(
         name=device.name,
-        inputs=device.inputs,
-        states=(*device.states, *effect_states(effects)),
+        inputs=inputs,
+        states=(*states, *effect_states(effects)),
         constants=(*constants, *effect_constants(effects)),
         calls=tuple(calls),
         outputs=tuple(f"channel.{name}" for name in device.outputs),
         gated=gates(effects),
     )
+
+
+def _call(function: Equations) -> Call:
+    return Call(function, reads_of(function), writes_of(function))
+
+
+def _behind_impedance(device: Device) -> tuple[Call, ...]:
+    """Current of a device behind an impedance, and the voltage of its terminal."""
+    source, current = ("Er", "Ei"), ("Ir", "Ii")
+    solved = {
+        "current": Call(elimination.injected, ("Cr", "Ci", "size"), current),
+        "norton": Call(
+            elimination.norton, ("Cr", "Ci", "Xpp", "size", *source, *_IMPEDANCE), (*current, "hr", "hi")
+        ),
+        "rotor": Call(
+            elimination.machine_current,
+            (*source, *_IMPEDANCE, *reads_of(elimination.machine_current)[4:]),
+            writes_of(elimination.machine_current),
+        ),
+    }[device.interface.kind]
+    return solved, Call(elimination.add_one, (*source, *current, *_IMPEDANCE), ("Vr", "Vi"))
 
 
 def check_ports(device: Device, effects: Iterable[Effect]) -> tuple[Effect, ...]:

@@ -20,7 +20,7 @@ from errorscreen.engine.stages import Call, Equations, Model, reads_of, writes_o
 from errorscreen.events import BusFault, Event
 from errorscreen.exceptions import InputError
 from errorscreen.power import elimination, two_axis_fixed
-from errorscreen.power.device import Device, GridInterface
+from errorscreen.power.device import Device
 from errorscreen.power.network import Network
 from errorscreen.power.reduction import ReducedNetwork
 from errorscreen.simulators.assembly import effect_call, effect_constants, effect_states, gates
@@ -49,16 +49,9 @@ def machine_prefix(bus: int) -> str:
     return f"machine_{bus}"
 
 
-def interface(device: Device) -> GridInterface:
-    """Connection of a device to a grid; one without it raises `InputError`."""
-    if device.grid is None:
-        raise InputError(f"the device {device.name!r} cannot be connected to a grid")
-    return device.grid
-
-
 def constant_names(device: Device) -> tuple[str, ...]:
     """Candidates, constants and set-points of a device in a grid, without prefix."""
-    constants = (*device.constants, *interface(device).constants)
+    constants = (*device.constants, *device.interface.constants)
     return (*device.candidates.names, *(c.name for c in constants), *device.setpoints, "size")
 
 
@@ -117,7 +110,7 @@ class GridModel:
         self._calls: list[Call] = []
         self._machines = [machine_prefix(bus) for bus in self.machines]
         self._order = [*self._machines, *(d.name for d in self.devices)]
-        by_kind = {interface(d).kind: d.name for d in self.devices}
+        by_kind = {d.interface.kind: d.name for d in self.devices}
         self._norton, self._rotor = by_kind.get("norton"), by_kind.get("rotor")
 
     def model(self) -> Model:
@@ -131,7 +124,7 @@ class GridModel:
         states = [qualified(p, s) for p in self._machines for s in two_axis_fixed.STATES]
         constants = [qualified(p, c) for p in self._machines for c in machine_constants]
         for d in self.devices:
-            states += [qualified(d.name, s) for s in (*d.states, *(s for s, _ in interface(d).states))]
+            states += [qualified(d.name, s) for s in (*d.states, *(s for s, _ in d.interface.states))]
             constants += [qualified(d.name, c) for c in constant_names(d)]
         return Model(
             name="grid",
@@ -195,9 +188,9 @@ class GridModel:
         for prefix in self._machines:
             self._stage(prefix, two_axis_fixed.internal_source)
         for d in self.devices:
-            for function in interface(d).source:
+            for function in d.interface.source:
                 self._stage(d.name, function)
-            if interface(d).kind == "current":
+            if d.interface.kind == "current":
                 self._add(elimination.injected, _of(d.name, "Cr", "Ci", "size"), _of(d.name, "Ir", "Ii"))
 
     def _solve(self) -> None:
@@ -233,7 +226,7 @@ class GridModel:
         for prefix in self._machines:
             self._stage(prefix, two_axis_fixed.rotor)
         for d in self.devices:
-            for function in (*interface(d).terminal, *d.stages[1:]):
+            for function in (*d.interface.terminal, *d.stages[1:]):
                 self._stage(d.name, function)
 
     def _observe(self) -> None:

@@ -59,9 +59,8 @@ class Unit:
     @property
     def default_constants(self) -> dict[str, float]:
         """Constants of the device and of its connection; the frequency is that of the grid."""
-        assert self.model.grid is not None
-        constants = (*self.model.constants, *self.model.grid.constants)
-        return {c.name: c.value for c in constants if c.name != "f0"}
+        values = self.model.constant_values(in_grid=True)
+        return {name: value for name, value in values.items() if name != "f0"}
 
 
 @dataclass(frozen=True)

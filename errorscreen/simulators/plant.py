@@ -28,6 +28,8 @@ from errorscreen.simulators.recent import Recent
 
 #: a response beyond this is not a machine's or a converter's, in pu
 _PLAUSIBLE = 1e3
+#: a recorded voltage below this, in pu, tells no current
+_DEAD = 0.02
 
 
 class PlantSimulator(Simulator):
@@ -55,6 +57,11 @@ class PlantSimulator(Simulator):
         Step of the time axis on which recordings are compared; their median sample distance where not given.
     operating_point : mapping of str to float, optional
         Pre-event ``"P"`` or ``"Q"`` in pu, for what was not recorded.
+    grid_impedance : complex, default 0
+        R + jX of the grid as the terminal sees it, in pu of the device's base. The recorded voltage holds what the
+        plant itself moved. Where it is known how much that is, the plant is driven by the voltage behind the impedance,
+        :math:`E = V_{rec} - Z I_{rec}`, and its own current moves the terminal, :math:`V = E + Z I`: a simulation
+        that agrees with the recording then sees the recorded voltage. With 0 the recorded voltage is imposed.
     effects : iterable of Effect, optional
         Library compiled in; the device's own library where not given.
     n_threads : int, optional
@@ -85,6 +92,7 @@ class PlantSimulator(Simulator):
         step: float = 0.0025,
         dt: float | None = None,
         operating_point: Mapping[str, float] | None = None,
+        grid_impedance: complex = 0.0,
         effects: Iterable[Effect] | None = None,
         n_threads: int | None = None,
         engine: str = "compiled",
@@ -104,14 +112,18 @@ class PlantSimulator(Simulator):
         self.parameters = device.candidates if parameters is None else parameters
         for name in self.parameters.names:
             device.candidates.index(name)
-        self.constants = _with_frequency(device.constant_values(constants), recording, constants)
+        self.grid_impedance = _checked(grid_impedance)
+        self._loaded = self.grid_impedance != 0
+        self.constants = _with_frequency(
+            device.constant_values(constants, in_grid=self._loaded), recording, constants
+        )
         if effects is None:
             effects = (*LIBRARY.get(device.name, ()), *measurement_effects(device.outputs))
         self.effects = tuple(effects)
         self.step, self.dt = step, dt
         self.operating_point = dict(operating_point or {})
         self._recent = Recent()
-        self._engine = engines[engine](assemble(device, self.effects), n_threads)
+        self._engine = engines[engine](assemble(device, self.effects, self._loaded), n_threads)
         self.channels = _channels(recording, channels, device.outputs)
         self.units = ("pu",) * len(self.channels)
         self.event = recording if isinstance(recording, Playback) else self.observe(recording).event
@@ -150,6 +162,7 @@ class PlantSimulator(Simulator):
             self.channels,
             dt=self.dt,
             needs_angle=self.device.needs_angle,
+            needs_power=self._loaded,
             operating_point=self.operating_point,
         )
         return self._with_uncertainty(observation, recording)
@@ -160,6 +173,7 @@ class PlantSimulator(Simulator):
             "device": self.device.name,
             "constants": self.constants,
             "step": self.step,
+            "grid_impedance": [self.grid_impedance.real, self.grid_impedance.imag],
             "extensions": [effect.name for effect in self.extensions],
         }
 
@@ -189,6 +203,8 @@ class PlantSimulator(Simulator):
         with np.errstate(all="ignore"):  # an absurd parameter shows in `feasible`
             states, setpoints, feasible = self.device.initialise(values)
         values |= {**states, **setpoints}
+        if self._loaded:
+            values |= {state: values[name] for state, name in self.device.interface.states}
         values |= {name: np.full(len(theta), t - event.time[0]) for name, t in _instants(event).items()}
         values |= start_effects(self._inside, values, lambda effect: values, h)
         x0, constants = (
@@ -219,7 +235,7 @@ class PlantSimulator(Simulator):
         """Input of the engine."""
 
         def compute() -> NDArray[np.float64]:
-            return _inputs(event, every, self.device.needs_angle, interpolation)
+            return _inputs(event, every, self.device.needs_angle, self.grid_impedance, interpolation)
 
         return np.asarray(self._recent.get((event, every, interpolation), compute))
 
@@ -267,6 +283,9 @@ class PlantSimulator(Simulator):
         one = np.ones(len(theta))
         values = {p.name: p.nominal * one for p in self.device.candidates}
         values |= {name: value * one for name, value in self.constants.items()}
+        if self._loaded:
+            Z = self.grid_impedance
+            values |= {"R_grid": Z.real * one, "X_grid": Z.imag * one, "size": one}
         values |= switched_off(self.effects, len(theta))
         values |= dict(zip(self.parameters.names, theta.T, strict=True))
         values |= {name: float(event.initial[name]) * one for name in ("V", "P", "Q")}
@@ -325,17 +344,36 @@ def _channels(recording: Any, channels: Iterable[str] | None, outputs: tuple[str
     return channels
 
 
-def _inputs(event: Playback, every: int, needs_angle: bool, interpolation: str) -> NDArray[np.float64]:
-    """Terminal voltage Vr, Vi at every half step, shape (2 * n_steps + 1, 2).
+def _checked(impedance: complex) -> complex:
+    """Impedance of a grid, which consumes and does not generate."""
+    try:
+        value = complex(impedance)
+    except (TypeError, ValueError):
+        value = complex(np.nan)
+    if not (np.isfinite(value) and value.real >= 0):
+        raise InputError(
+            f"the impedance of the grid is {impedance!r}",
+            where="PlantSimulator",
+            allowed="R + jX in pu of the device's base, finite, R >= 0",
+        )
+    return value
+
+
+def _inputs(
+    event: Playback, every: int, needs_angle: bool, impedance: complex, interpolation: str
+) -> NDArray[np.float64]:
+    """Real and imaginary part of the driving voltage at every half step, shape (2 * n_steps + 1, 2).
 
     Magnitude and angle are interpolated, not the components, so that a turning phasor keeps its length; by monotone
     cubics (F. N. Fritsch and J. Butland, SIAM J. Sci. Stat. Comput. 5, 1984), which follow a smooth signal to a higher
-    order than straight lines and do not overshoot at a step.
+    order than straight lines and do not overshoot at a step. Behind an impedance the recorded current is the conjugate
+    of (P + jQ) / V.
     """
-    if "V" not in event.signals or (needs_angle and "angle" not in event.signals):
+    needed = ("V", *(("angle",) if needs_angle else ()), *(("P", "Q") if impedance else ()))
+    if not set(needed) <= set(event.signals):
         raise InputError(
             f"the event {event.name!r} has the signals {', '.join(event.signals) or 'none'}",
-            allowed="V, and angle for this device",
+            allowed=f"{', '.join(needed)} for this device",
         )
     samples = np.arange(len(event.time))
     position = np.arange(2 * every * samples[-1] + 1) / (2 * every)
@@ -345,8 +383,14 @@ def _inputs(event: Playback, every: int, needs_angle: bool, interpolation: str) 
             return np.interp(position, samples, values)
         return np.asarray(PchipInterpolator(samples, values)(position))
 
-    V = between(event.signals["V"])
-    if "angle" not in event.signals:
-        return np.column_stack([V, np.zeros_like(V)])
-    angle = between(event.signals["angle"])
-    return np.column_stack([V * np.cos(angle), V * np.sin(angle)])
+    magnitude = between(event.signals["V"])
+    V = (
+        magnitude * np.exp(1j * between(event.signals["angle"]))
+        if "angle" in event.signals
+        else magnitude + 0j
+    )
+    if impedance:
+        power = between(event.signals["P"]) + 1j * between(event.signals["Q"])
+        dead = np.abs(V) < _DEAD  # no current is known where there is no voltage
+        V = V - impedance * np.where(dead, 0.0, np.conj(power / np.where(dead, 1.0, V)))
+    return np.column_stack([V.real, V.imag])

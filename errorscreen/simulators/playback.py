@@ -26,6 +26,7 @@ def playback_observation(
     *,
     dt: float | None = None,
     needs_angle: bool = True,
+    needs_power: bool = False,
     operating_point: Mapping[str, float] | None = None,
 ) -> Observation:
     r"""Voltage to inject and channels to compare with, on one uniform grid.
@@ -44,6 +45,8 @@ def playback_observation(
         Step of the grid in seconds; the recording's median sample distance where not given.
     needs_angle : bool
         Whether the device's response depends on the angle.
+    needs_power : bool
+        Whether the recorded P and Q are injected beside the voltage.
     operating_point : mapping of str to float, optional
         Pre-event ``"P"`` or ``"Q"`` in pu, needed for what was not recorded.
 
@@ -55,7 +58,7 @@ def playback_observation(
     ------
     InputError
         If the voltage was not recorded or has a long gap in the event, or the angle is needed and neither angle nor
-        frequency was recorded, or an operating point is unknown.
+        frequency was recorded, or the power is needed and P or Q was not recorded, or an operating point is unknown.
 
     Warns
     -----
@@ -78,6 +81,8 @@ def playback_observation(
     signals = {"V": _filled(source, "V", unknown, notes)}
     if needs_angle:
         signals["angle"] = _angle(source, quiet, unknown, notes, where)
+    if needs_power:
+        signals |= _power(source, unknown, notes, where)
     given = {**source.given, **(operating_point or {})}
     initial = {"V": source.initial(["V"])["V"]}
     for name in ("P", "Q"):
@@ -105,7 +110,8 @@ def playback_observation(
             noise[r] = source.channels[name].noise
     values[:, unknown] = np.nan
     angle = ["angle" if "angle" in source.channels else "f"] if needs_angle else []
-    injected = {name: float(source.channels[name].noise) for name in ("V", *angle)}
+    power = ["P", "Q"] if needs_power else []
+    injected = {name: float(source.channels[name].noise) for name in ("V", *angle, *power)}
     event = Playback(time, source.name, source.event_time, signals, initial, injected)
     return Observation(event, values, noise, channels, ("pu",) * len(channels), tuple(notes))
 
@@ -119,7 +125,7 @@ def input_noise(event: Playback) -> dict[str, tuple[NDArray[np.float64], float]]
         For each signal of the event what the noise of one sample adds to it from that sample on (a single value, or a
         step where the angle is the integral of the frequency), and its standard deviation.
     """
-    found = {name: (np.ones(1), event.noise[name]) for name in ("V", "angle") if name in event.noise}
+    found = {name: (np.ones(1), sigma) for name, sigma in event.noise.items() if name != "f"}
     if "f" in event.noise:
         found["angle"] = (np.full(len(event.time), 2 * np.pi * event.dt), event.noise["f"])
     return found
@@ -170,6 +176,21 @@ def _filled(
         + (", and nothing is compared there." if unknown.any() else ".")
     )
     return np.interp(time, time[known], values[known])
+
+
+def _power(
+    recording: Recording, unknown: NDArray[np.bool_], notes: list[str], where: str
+) -> dict[str, NDArray[np.float64]]:
+    """Recorded P and Q without gaps."""
+    for name in ("P", "Q"):
+        if name not in recording.channels or not np.isfinite(recording.channels[name].values).any():
+            raise InputError(
+                f"{name} was not recorded, so the voltage behind the grid's impedance is unknown",
+                where=where,
+                allowed="P and Q of the plant",
+                remedy=f"Map a column to {name}, or leave the grid's impedance out",
+            )
+    return {name: _filled(recording, name, unknown, notes) for name in ("P", "Q")}
 
 
 def _angle(

@@ -243,6 +243,14 @@ BAD = {
         "unknown parameter 'H'. Allowed: Xd, Xd1,",
     ),
     "unknown constant": (replaced("Ra = 0.0015", "R = 0.0015"), "unknown constant 'R' (did you mean 'Ra'?)"),
+    "negative resistance of the grid": (
+        replaced("relative = 0.5", "relative = 0.5\ngrid_resistance = -0.1"),
+        "device.grid_resistance: -0.1 was found. Allowed: a number >= 0.",
+    ),
+    "constant of a loop that there is only behind an impedance": (
+        replaced("synchronous_machine", "pv_plant").replace("Ra = 0.0015", "KPLL = 30.0"),
+        "unknown constant 'KPLL'",
+    ),
     "bounds that exclude nominal": (
         replaced("lower = 0.0, upper = 2.0", "lower = 1.5, upper = 2.0"),
         "parameter 'D': the range [1.5, 2] excludes the nominal value 1. Allowed: lower <= nominal <= upper.",

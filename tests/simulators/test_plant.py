@@ -42,7 +42,7 @@ def test_the_event_must_be_a_playback_with_the_signals_it_needs():
     with pytest.raises(InputError, match="cannot be driven by a Event"):
         simulator.simulate(simulator.parameters.nominal, Event(dip().time))
     without = Playback(dip().time, signals={"V": dip().signals["V"]}, initial=OPERATING_POINT)
-    with pytest.raises(InputError, match="V, and angle"):
+    with pytest.raises(InputError, match="Allowed: V, angle for this device"):
         simulator.simulate(simulator.parameters.nominal, without)
 
 

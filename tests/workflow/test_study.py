@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from errorscreen.bench.plant_scenarios import draw_plant_scenario
+from errorscreen.cases import load_case
 from errorscreen.cases.case_models import (
     CalibrationSection,
     DiscoverySection,
@@ -17,6 +18,7 @@ from errorscreen.simulators import PlantSimulator
 from errorscreen.workflow import Study, build_result, run_study, write_outputs
 from errorscreen.workflow.demo import demo_study
 from errorscreen.workflow.screen import selector
+from tests.plants import dip
 
 QUICK = SimpleNamespace(
     screening=ScreeningSection(methods=["sensitivity", "random"], top_k=3),
@@ -43,6 +45,7 @@ def test_the_fingerprint_knows_everything_the_result_depends_on():
         quick_study(seed=1),
         quick_study(step=0.001),
         quick_study(constants={"Ra": 0.01}),
+        quick_study(grid_impedance=0.01j),
         replace(base, calibration=CalibrationSection(level=0.5)),
         replace(base, screening=ScreeningSection(top_k=2)),
         replace(base, run=RunSection(random_state=1)),
@@ -55,6 +58,22 @@ def test_the_fingerprint_knows_everything_the_result_depends_on():
     assert len(set(prints)) == len(prints)
     assert quick_study().fingerprint() == prints[0]
     assert replace(base, run=RunSection(n_jobs=2)).fingerprint() == prints[0]
+
+
+def test_a_case_states_the_impedance_of_the_grid(tmp_path):
+    event = dip(dt=0.02)
+    machine = PlantSimulator("synchronous_machine", event)
+    values = {**event.signals, **dict(zip("PQ", machine.baseline(), strict=True))}
+    rows = [",".join(f"{v:.8f}" for v in row) for row in zip(event.time, *values.values(), strict=True)]
+    (tmp_path / "dip.csv").write_text("\n".join(["time," + ",".join(values), *rows]))
+    columns = "".join(f"[recording.columns.{name}]\ncolumn = '{name}'\n" for name in values)
+    (tmp_path / "case.toml").write_text(
+        "[recording]\npath = 'dip.csv'\nbase_mva = 1.0\nf_nominal = 60.0\n" + columns
+        + "[device]\ntype = 'synchronous_machine'\ngrid_resistance = 0.02\ngrid_reactance = 0.1\n"
+    )  # fmt: skip
+    simulator = Study.from_case(load_case(tmp_path / "case.toml")).simulator
+    assert simulator.grid_impedance == 0.02 + 0.1j
+    assert {"V", "angle", "P", "Q"} == set(simulator.event.signals)
 
 
 def test_held_out_recordings_are_judged_on_and_not_fitted(outcome, tmp_path):
