@@ -162,7 +162,7 @@ class PlantSimulator(Simulator):
             self.channels,
             dt=self.dt,
             needs_angle=self.device.needs_angle,
-            needs_power=self._loaded,
+            grid_impedance=self.grid_impedance,
             operating_point=self.operating_point,
         )
         return self._with_uncertainty(observation, recording)

@@ -26,7 +26,7 @@ def playback_observation(
     *,
     dt: float | None = None,
     needs_angle: bool = True,
-    needs_power: bool = False,
+    grid_impedance: complex = 0.0,
     operating_point: Mapping[str, float] | None = None,
 ) -> Observation:
     r"""Voltage to inject and channels to compare with, on one uniform grid.
@@ -45,8 +45,8 @@ def playback_observation(
         Step of the grid in seconds; the recording's median sample distance where not given.
     needs_angle : bool
         Whether the device's response depends on the angle.
-    needs_power : bool
-        Whether the recorded P and Q are injected beside the voltage.
+    grid_impedance : complex
+        In pu. Where it is not 0, the recorded P and Q are injected beside the voltage.
     operating_point : mapping of str to float, optional
         Pre-event ``"P"`` or ``"Q"`` in pu, needed for what was not recorded.
 
@@ -58,7 +58,7 @@ def playback_observation(
     ------
     InputError
         If the voltage was not recorded or has a long gap in the event, or the angle is needed and neither angle nor
-        frequency was recorded, or the power is needed and P or Q was not recorded, or an operating point is unknown.
+        frequency was recorded, or P or Q was not recorded and there is an impedance, or an operating point is unknown.
 
     Warns
     -----
@@ -81,8 +81,13 @@ def playback_observation(
     signals = {"V": _filled(source, "V", unknown, notes)}
     if needs_angle:
         signals["angle"] = _angle(source, quiet, unknown, notes, where)
-    if needs_power:
+    power = ["P", "Q"] if grid_impedance else []
+    if power:
         signals |= _power(source, unknown, notes, where)
+        notes.append(
+            "The plant moves its own voltage: it is driven by the voltage behind the grid's impedance of "
+            f"{grid_impedance.real:.3g} + j{grid_impedance.imag:.3g} pu."
+        )
     given = {**source.given, **(operating_point or {})}
     initial = {"V": source.initial(["V"])["V"]}
     for name in ("P", "Q"):
@@ -110,7 +115,6 @@ def playback_observation(
             noise[r] = source.channels[name].noise
     values[:, unknown] = np.nan
     angle = ["angle" if "angle" in source.channels else "f"] if needs_angle else []
-    power = ["P", "Q"] if needs_power else []
     injected = {name: float(source.channels[name].noise) for name in ("V", *angle, *power)}
     event = Playback(time, source.name, source.event_time, signals, initial, injected)
     return Observation(event, values, noise, channels, ("pu",) * len(channels), tuple(notes))

@@ -13,7 +13,8 @@ from errorscreen.exceptions import InputError
 from errorscreen.power import DEVICES
 from errorscreen.simulators import PlantSimulator
 from errorscreen.simulators.playback import playback_observation
-from tests.plants import DEVICE_NAMES, OPERATING_POINT, dip, plant, random_rows
+from errorscreen.testing import check_simulator
+from tests.plants import DEVICE_NAMES, OPERATING_POINT, dip, flat, plant, random_rows
 from tests.simulators.test_playback import recording
 
 Z = 0.03 + 0.12j
@@ -110,7 +111,7 @@ def test_another_machine_moves_the_terminal_as_it_would_in_the_grid():
 def test_the_terminal_follows_the_plant_as_a_fixed_point_of_playback(device, constants):
     event = still(dip(depth=0.2, dt=1 / 240))
     nominal = plant(device, event, step=1 / 480)
-    recorded = nominal.simulate(nominal.parameters.nominal).values[0]
+    recorded = nominal.baseline()
     theta = random_rows(nominal, 1, seed=3)
     small = 0.01 + 0.02j
     event = with_power(event, recorded)
@@ -127,10 +128,24 @@ def test_the_terminal_follows_the_plant_as_a_fixed_point_of_playback(device, con
     assert np.sqrt(np.mean((found - y) ** 2)) < 0.05 * influence
 
 
+@pytest.mark.parametrize("device", DEVICE_NAMES)
+def test_nothing_happens_where_nothing_happens(device):
+    P, Q = (np.full(len(flat().time), OPERATING_POINT[name]) for name in "PQ")
+    behind = plant(device, with_power(flat(), (P, Q)), grid_impedance=Z)
+    response = behind.simulate(random_rows(behind, 4)).values
+    assert np.abs(response - [[P, Q]]).max() < 1e-9
+
+
+def test_the_contract_is_kept():
+    event = dip()
+    check_simulator(
+        plant("dfig_plant", with_power(event, plant("dfig_plant", event).baseline()), grid_impedance=Z)
+    )
+
+
 def test_the_reference_path_agrees():
     event = dip()
-    recorded = plant("dfig_plant", event).simulate(DEVICES["dfig_plant"].candidates.nominal).values[0]
-    event = with_power(event, recorded)
+    event = with_power(event, plant("dfig_plant", event).baseline())
     compiled, reference = (
         plant("dfig_plant", event, grid_impedance=Z, engine=engine) for engine in ("compiled", "numpy")
     )
@@ -145,9 +160,12 @@ def test_power_is_needed_and_must_have_been_recorded():
         PlantSimulator(
             "synchronous_machine", recording(drop=("Q",)), operating_point={"Q": 0.15}, grid_impedance=0.1j
         )
-    assert set(playback_observation(recording(), ("P", "Q"), needs_power=True).event.signals) == {
-        "V", "angle", "P", "Q"
-    }  # fmt: skip
+
+
+def test_what_is_injected_has_noise_and_is_told():
+    observed = playback_observation(recording(), ("P", "Q"), grid_impedance=0.02 + 0.1j)
+    assert set(observed.event.signals) == set(observed.event.noise) == {"V", "angle", "P", "Q"}
+    assert any("behind the grid's impedance of 0.02 + j0.1 pu" in note for note in observed.assumptions)
 
 
 @pytest.mark.parametrize("impedance", [-0.1, np.nan, complex(0, np.inf), "0.1 + 0.2j pu", None])
