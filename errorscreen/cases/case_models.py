@@ -143,7 +143,7 @@ class DeviceSection(Section):
         description="of the grid as the terminal sees it, in pu of the device's base: how much of the recorded voltage "
         "the plant itself moved",
     )
-    grid_reactance: float = Field(default=0.0, description="the same, reactance")
+    grid_reactance: Annotated[float, Field(ge=0)] = Field(default=0.0, description="the same, reactance")
 
     def apply(self, space: ParameterSpace) -> ParameterSpace:
         """Candidates of this case, from those of the device.

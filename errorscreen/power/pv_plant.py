@@ -2,9 +2,9 @@ r"""Photovoltaic plant with low-voltage ride-through, 17 candidate parameters.
 
 Structure after GB/T 32892-2016 (model of photovoltaic power systems for power-system studies: dc side, outer
 loops, ride-through control, current regulator) and the converter of the WECC generic model REGC_A (WECC Solar Plant
-Dynamic Modeling Guidelines, 2014). Reactive power is positive when generated. In playback the phase-locked loop is
-ideal, so only the magnitude of the terminal voltage matters; in a simulated grid the current (PV12) lies along the
-angle of a loop (T2), and power follows from current and voltage.
+Dynamic Modeling Guidelines, 2014). Reactive power is positive when generated. In playback of the recorded
+voltage the phase-locked loop is ideal, so only the magnitude matters; in a simulated grid, and behind the impedance of
+one, the current (PV12) lies along the angle of a loop (T2), and power follows from current and voltage.
 
 .. math::
 

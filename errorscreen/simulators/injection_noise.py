@@ -49,25 +49,31 @@ def quantified(observation: Observation, run: _Run, step: float) -> Observation:
         usual = 3.0 * change[:, part].max(axis=1, initial=0.0)  # what noise alone makes of it
         extra = np.hypot(extra, np.where(np.isfinite(change) & (change > usual[:, None]), change, 0.0))
     inputs = input_noise(event)
-    passed = _passed(run, event, response, inputs)
+    passed = _passed(run, event, response, inputs, observation.channels)
     quiet = np.median(passed[:, part], axis=1)[:, None] if part.any() else passed
     extra = np.sqrt(extra**2 + np.maximum(passed - quiet, 0.0))
     modes = _modes(run, event, response, inputs, np.asarray(observation.noise), step)
     return replace(observation, extra=extra, modes=modes)
 
 
-def _passed(run: _Run, event: Playback, response: _Array, inputs: _Inputs) -> _Array:
-    """Variance (R, L) of what the noise of the injected signals makes at once.
+def _passed(
+    run: _Run, event: Playback, response: _Array, inputs: _Inputs, channels: tuple[str, ...]
+) -> _Array:
+    """Variance (R, L) of what the noise of the injected signals makes of the error at once.
 
     A signal that is moved up and down from sample to sample leaves slow dynamics at rest, so that one simulation shows
-    at every sample how much of its noise passes through the device there.
+    at every sample how much of its noise passes through the device there. The noise of a signal that is also compared
+    moves both sides.
     """
     alternating = np.where(np.arange(len(event.time)) % 2, -1.0, 1.0)
     total = np.zeros(response.shape)
     for name, (shape, sigma) in inputs.items():
         size = sigma * shape[0]
         moved = run(replace(event, signals={**event.signals, name: event.signals[name] + size * alternating}))
-        total += np.where(np.isfinite(moved), moved - response, 0.0) ** 2
+        change = np.where(np.isfinite(moved), moved - response, 0.0)
+        if name in channels:
+            change[channels.index(name)] -= size * alternating
+        total += change**2
     # where the model itself jumps, the change is no noise
     return np.asarray(median_filter(total, size=(1, 5)))
 

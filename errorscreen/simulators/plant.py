@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from numbers import Number
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,7 @@ from errorscreen.simulators.recent import Recent
 
 #: a response beyond this is not a machine's or a converter's, in pu
 _PLAUSIBLE = 1e3
-#: a recorded voltage below this, in pu, tells no current
+#: lowest voltage in pu at which P and Q tell the current
 _DEAD = 0.02
 
 
@@ -61,7 +62,8 @@ class PlantSimulator(Simulator):
         R + jX of the grid as the terminal sees it, in pu of the device's base. The recorded voltage holds what the
         plant itself moved. Where it is known how much that is, the plant is driven by the voltage behind the impedance,
         :math:`E = V_{rec} - Z I_{rec}`, and its own current moves the terminal, :math:`V = E + Z I`: a simulation
-        that agrees with the recording then sees the recorded voltage. With 0 the recorded voltage is imposed.
+        that agrees with the recording then sees the recorded voltage. P and Q must be recorded, and are taken as
+        true: there are no measurement effects. With 0 the recorded voltage is imposed.
     effects : iterable of Effect, optional
         Library compiled in; the device's own library where not given.
     n_threads : int, optional
@@ -118,8 +120,17 @@ class PlantSimulator(Simulator):
             device.constant_values(constants, in_grid=self._loaded), recording, constants
         )
         if effects is None:
-            effects = (*LIBRARY.get(device.name, ()), *measurement_effects(device.outputs))
+            faults = () if self._loaded else measurement_effects(device.outputs)
+            effects = (*LIBRARY.get(device.name, ()), *faults)
         self.effects = tuple(effects)
+        wrong = [effect.name for effect in self.effects if self._loaded and effect.kind == "measurement"]
+        if wrong:  # what is recorded wrongly would give a wrong voltage behind the impedance
+            raise InputError(
+                f"the effects {', '.join(wrong)} distort the power that the voltage behind the impedance follows from",
+                where="PlantSimulator, grid_impedance",
+                allowed="effects inside the device",
+                remedy="Look for faults of the measurement with the recorded voltage imposed",
+            )
         self.step, self.dt = step, dt
         self.operating_point = dict(operating_point or {})
         self._recent = Recent()
@@ -137,7 +148,8 @@ class PlantSimulator(Simulator):
 
         Three uncertainties are added to the noise of the channels themselves. The noise of the injected voltage
         passes through the device, and a stiff device amplifies it: where simulation and measurement differ by more
-        before the event, that is the noise. The level from which the simulation starts is a mean of noisy samples
+        before the event, that is the noise. (Behind an impedance P and Q are injected as well, and simulation and
+        measurement may differ by less.) The level from which the simulation starts is a mean of noisy samples
         (`Observation.level_std`). And the voltage is not known between its samples, nor is the integration exact:
         where another interpolation or half the step changes the nominal response by more than noise does, that
         change counts as uncertain (`Observation.extra`).
@@ -168,7 +180,7 @@ class PlantSimulator(Simulator):
         return self._with_uncertainty(observation, recording)
 
     def settings(self) -> dict[str, Any]:
-        """Device, constants, longest step and added effects; see `Simulator.settings`."""
+        """Device, constants, longest step, impedance and added effects; see `Simulator.settings`."""
         return {
             "device": self.device.name,
             "constants": self.constants,
@@ -248,12 +260,19 @@ class PlantSimulator(Simulator):
             return observation
         part = (observation.time >= quiet[0]) & (observation.time <= quiet[1])
         errors = (observation.values - responses.values[0])[:, part]
-        noise = np.maximum(observation.noise, [scatter(observation.time[part], e) for e in errors])
+        left = np.array([scatter(observation.time[part], e) for e in errors])
+        noise = np.asarray(observation.noise)
+        if (
+            self._loaded
+        ):  # the noise of P and Q moves the simulation too, and less of it may be left in the error
+            own = np.array([scatter(observation.time[part], v) for v in observation.values[:, part]])
+            noise = noise * np.minimum(1.0, np.divide(left, own, out=np.ones_like(own), where=own > 0))
+        noise = np.maximum(noise, left)
         notes = [
-            f"The noise of {name} is taken as {new:.2g} instead of {old:.2g} pu, because the noise of the injected "
-            "voltage passes through the device."
+            f"The noise of {name} is taken as {new:.2g} instead of {old:.2g} pu, because the noise of what is injected "
+            "passes through the device."
             for name, new, old in zip(self.channels, noise, observation.noise, strict=True)
-            if new > 1.1 * old
+            if not old / 1.1 <= new <= 1.1 * old
         ]
         observation = replace(
             observation,
@@ -345,16 +364,15 @@ def _channels(recording: Any, channels: Iterable[str] | None, outputs: tuple[str
 
 
 def _checked(impedance: complex) -> complex:
-    """Impedance of a grid, which consumes and does not generate."""
-    try:
-        value = complex(impedance)
-    except (TypeError, ValueError):
-        value = complex(np.nan)
-    if not (np.isfinite(value) and value.real >= 0):
+    """Impedance of a grid that can carry the rated power."""
+    number = isinstance(impedance, Number) and not isinstance(impedance, bool)
+    value = complex(impedance) if number else complex(np.nan)
+    if not (value.real >= 0 and value.imag >= 0 and abs(value) <= 1):
         raise InputError(
             f"the impedance of the grid is {impedance!r}",
             where="PlantSimulator",
-            allowed="R + jX in pu of the device's base, finite, R >= 0",
+            allowed="R + jX in pu of the device's base with R >= 0, X >= 0, and a magnitude of at most 1, where the "
+            "short-circuit power is the rated one",
         )
     return value
 
@@ -373,7 +391,7 @@ def _inputs(
     if not set(needed) <= set(event.signals):
         raise InputError(
             f"the event {event.name!r} has the signals {', '.join(event.signals) or 'none'}",
-            allowed=f"{', '.join(needed)} for this device",
+            allowed=f"{', '.join(needed)} for this device" + (" behind an impedance" if impedance else ""),
         )
     samples = np.arange(len(event.time))
     position = np.arange(2 * every * samples[-1] + 1) / (2 * every)
@@ -390,7 +408,13 @@ def _inputs(
         else magnitude + 0j
     )
     if impedance:
-        power = between(event.signals["P"]) + 1j * between(event.signals["Q"])
-        dead = np.abs(V) < _DEAD  # no current is known where there is no voltage
-        V = V - impedance * np.where(dead, 0.0, np.conj(power / np.where(dead, 1.0, V)))
+        if np.abs(V).min() < _DEAD:
+            raise InputError(
+                f"the voltage falls to {np.abs(V).min():.2g} pu, where P and Q tell no current, so the voltage behind "
+                "the impedance is unknown",
+                where=f"event {event.name!r}, grid_impedance",
+                allowed=f"at least {_DEAD:g} pu",
+                remedy="Leave the impedance out: a voltage that is short-circuited is not moved by the plant",
+            )
+        V = V - impedance * np.conj((between(event.signals["P"]) + 1j * between(event.signals["Q"])) / V)
     return np.column_stack([V.real, V.imag])

@@ -79,9 +79,11 @@ def playback_observation(
     quiet = (time >= source.quiet[0]) & (time <= source.quiet[1])
     unknown = np.zeros(len(time), dtype=bool)
     signals = {"V": _filled(source, "V", unknown, notes)}
+    power = ["P", "Q"] if grid_impedance else []
+    # behind an impedance an angle counts for every device that there is one for, as a phase-locked loop follows it
+    needs_angle = needs_angle or bool(power and {"angle", "f"} & set(source.channels))
     if needs_angle:
         signals["angle"] = _angle(source, quiet, unknown, notes, where)
-    power = ["P", "Q"] if grid_impedance else []
     if power:
         signals |= _power(source, unknown, notes, where)
         notes.append(
@@ -172,7 +174,8 @@ def _filled(
                 "event",
                 where=f"recording {recording.name!r}",
                 allowed=f"gaps of at most {resampling.SHORT_GAP * usual:.3g} s from the event on",
-                remedy="End the window before the gap (t_end), or use another recording",
+                remedy="End the window before the gap (t_end), or use another recording"
+                + (", or leave the grid's impedance out" if name in ("P", "Q") else ""),
             )
         unknown[first : last + 1] = True
     notes.append(

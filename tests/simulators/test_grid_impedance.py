@@ -8,9 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from errorscreen.effects import measurement_effects
 from errorscreen.events import Playback
 from errorscreen.exceptions import InputError
 from errorscreen.power import DEVICES
+from errorscreen.recordings import Recording
 from errorscreen.simulators import PlantSimulator
 from errorscreen.simulators.playback import playback_observation
 from errorscreen.testing import check_simulator
@@ -162,15 +164,58 @@ def test_power_is_needed_and_must_have_been_recorded():
         )
 
 
+def test_where_there_is_no_voltage_no_current_is_known():
+    event = dip(depth=1.0)
+    event = with_power(event, plant("synchronous_machine", event).baseline())
+    with pytest.raises(
+        InputError, match=r"falls to \S+ pu, where P and Q tell no current.*Leave the impedance out"
+    ):
+        plant("synchronous_machine", event, grid_impedance=Z).baseline()
+
+
+def test_faults_of_the_measurement_would_move_the_voltage_behind():
+    assert all(e.kind != "measurement" for e in plant("pv_plant", grid_impedance=Z).effects)
+    with pytest.raises(
+        InputError, match=r"the effects scale_P, .* distort the power.*recorded voltage imposed"
+    ):
+        plant("pv_plant", grid_impedance=Z, effects=measurement_effects(["P"]))
+
+
+@pytest.mark.parametrize(("device", "share"), [("synchronous_machine", 0.9), ("dfig_plant", 1.0)])
+def test_noise_of_what_is_injected_and_compared_counts_once(device, share):
+    event = still(dip(depth=0.3))
+    y = plant(device, event).baseline()
+    sizes = {"V": 3e-4, "angle": 3e-4, "P": 5e-3, "Q": 5e-3}
+    found, noise = [], []
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        values = {**event.signals, "P": y[0], "Q": y[1]}
+        values = {name: v + sizes[name] * rng.standard_normal(v.shape) for name, v in values.items()}
+        record = Recording.from_arrays(
+            event.time, values, base_mva=1, f_nominal=60, event_time=1.0, noise=sizes
+        )
+        simulator = PlantSimulator(device, record, grid_impedance=0.03 + 0.12j)
+        observed = simulator.observe(record)
+        found.append(np.mean(observed.deviations(simulator.baseline(observed.event)) ** 2))
+        noise.append(observed.noise / 5e-3)
+    # 2880 values; the level before the event, common to all that follow, scatters more
+    assert np.mean(found) == pytest.approx(1.0, abs=0.15)
+    assert np.all(np.mean(noise, axis=0) < share)
+
+
 def test_what_is_injected_has_noise_and_is_told():
     observed = playback_observation(recording(), ("P", "Q"), grid_impedance=0.02 + 0.1j)
     assert set(observed.event.signals) == set(observed.event.noise) == {"V", "angle", "P", "Q"}
     assert any("behind the grid's impedance of 0.02 + j0.1 pu" in note for note in observed.assumptions)
 
 
-@pytest.mark.parametrize("impedance", [-0.1, np.nan, complex(0, np.inf), "0.1 + 0.2j pu", None])
+@pytest.mark.parametrize(
+    "impedance", [-0.1, -0.1j, 5 + 40j, np.nan, complex(0, np.inf), "0.1+0.2j", True, None]
+)
 def test_an_impedance_that_is_none_is_refused(impedance):
-    with pytest.raises(InputError, match=r"the impedance of the grid is .*finite, R >= 0"):
+    with pytest.raises(
+        InputError, match=r"the impedance of the grid is .*R >= 0, X >= 0, and a magnitude of at most 1"
+    ):
         plant("pv_plant", grid_impedance=impedance)
 
 
