@@ -28,11 +28,10 @@ One rotating mass; the pitch is fixed, so the aerodynamic power is constant over
 (W12) takes the place of (W1) in a simulated grid and behind the impedance of one: current and voltage source lie along
 the frame of the phase-locked loop, so that (W1) holds once that has settled. :math:`\ell` in (W10) is the low-voltage
 power logic: 0 below `zerox`, 1 above `brkpt`, linear between. The reactive droop :math:`X_c` in (W6), as Kc of the
-generic plant controller REPC_A, gives the two integrators (W5), (W6) their damping when the terminal voltage is imposed,
-as it is in playback.
-Integrators do not wind up: beyond their limits they decay with the time constant `Taw`. Some typical values are ours,
-because playback of seconds asks for others than the cited reports: those have KPV 18 and KIV 5, a slower frequency
-filter (1 s) and a wider dead band.
+generic plant controller REPC_A, gives the two integrators (W5), (W6) their damping when the terminal voltage is
+imposed, as it is in playback. Integrators do not wind up: beyond their limits they decay with the time constant `Taw`.
+Some typical values are ours, because playback of seconds asks for others than the cited reports: those have KPV 18 and
+KIV 5, a slower frequency filter (1 s) and a wider dead band.
 """
 
 from __future__ import annotations
