@@ -33,7 +33,7 @@ MEASURED = {
     "grid_search": "python benchmarks/grid_search.py",
     "discovery": "errorscreen bench discovery --case plant --scenarios 60 --seed 37",
     "first_look": "python benchmarks/first_look.py",
-    "traps": "errorscreen bench discovery --case traps --scenarios 700 --seed 53",
+    "traps": "errorscreen bench discovery --case traps --scenarios 700 --seed 67",
     "measured_systems": "python benchmarks/measured_systems.py DATA",
     "search_speed": "python benchmarks/search_speed.py",
     "learning_curve": "python benchmarks/learning_curve.py",
