@@ -2,35 +2,45 @@ r"""Momentary cessation: below a voltage threshold, and after a timer, a plant s
 
 .. math::
 
-    m &= [(V_{th} - V)/\Delta V + \tfrac12]_0^1,\quad \dot\tau = m - (1 - m)\,\tau/T_r             & (R1)\\
+    m &= [1 + (V_{th} - V)/\Delta V]_0^1,\quad \dot\tau = m - (1 - m)\,\tau/T_r             & (R1)\\
     \dot c &= \big[[(\tau - T_{th})/T_s]_0^1 + c/T_s\big]_0^1                                    & (R2)\\
     \rho &= 1 - [c/T_s]_0^1\,\big(1 - [(c - T_c)/T_{ramp}]_0^1\big)                            & (R3)\\
     r &= 1 - s\,(1 - \rho)                                                                  & (R4)
 
 τ counts the time under the threshold (it is reset within T_r = 10 ms once the voltage is back), c the time since the
-stop, r multiplies the current commands. It stops once in an event. The transitions over :math:`\Delta V` = 0.01 pu and
-:math:`T_s` = 5 ms, instead of jumps, let responses follow threshold and timer smoothly.
+stop, r multiplies the current commands. It stops once in an event. The transitions over :math:`\Delta V` = 0.005 pu
+above the threshold and :math:`T_s` = 5 ms, but at least two steps of the integration, instead of jumps, let responses
+follow threshold and timer smoothly. Under the threshold the clock runs at its full rate.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from errorscreen.effects.base import Effect, strength, value
+import numpy as np
+
+from errorscreen.effects.base import Effect, Values, strength, value
 from errorscreen.engine.vmath import clip
 
-_T_RESET, _T_SMOOTH, _V_SMOOTH = 0.01, 0.005, 0.01
+_T_RESET, _T_SMOOTH, _V_SMOOTH = 0.01, 0.005, 0.005
 
 
-def cessation(value: Any, V: Any, timer: Any, c: Any, s: Any, Vth: Any, Tth: Any, Tc: Any, Tramp: Any) -> Any:
+def _start(v: Values, h: float) -> Values:
+    """Duration of the transitions that the integration can follow."""
+    return {"Ts": np.full_like(v["Tth"], max(_T_SMOOTH, 2.0 * h))}
+
+
+def cessation(
+    value: Any, V: Any, timer: Any, c: Any, s: Any, Vth: Any, Tth: Any, Tc: Any, Tramp: Any, Ts: Any
+) -> Any:
     """Share of the current that is released, and derivatives of the clocks, (R1) to (R4)."""
-    below = clip((Vth - V) / _V_SMOOTH + 0.5, 0.0, 1.0)
-    stopped = clip(c / _T_SMOOTH, 0.0, 1.0) * (1.0 - clip((c - Tc) / Tramp, 0.0, 1.0))
-    started = clip((timer - Tth) / _T_SMOOTH, 0.0, 1.0)
+    below = clip(1.0 + (Vth - V) / _V_SMOOTH, 0.0, 1.0)
+    stopped = clip(c / Ts, 0.0, 1.0) * (1.0 - clip((c - Tc) / Tramp, 0.0, 1.0))
+    started = clip((timer - Tth) / Ts, 0.0, 1.0)
     return (
         value * (1.0 - s * stopped),
         below - (1.0 - below) * timer / _T_RESET,
-        clip(started + c / _T_SMOOTH, 0.0, 1.0),
+        clip(started + c / Ts, 0.0, 1.0),
     )
 
 
@@ -51,6 +61,8 @@ def _cessation(name: str, title: str, ranges: dict[str, tuple[float, float, floa
             value("Tramp", *ranges["Tramp"], "s", "ride-through", "T_ramp", "duration of the ramp back"),
         ),
         states=("timer", "c"),
+        derived=("Ts",),
+        initialise=_start,
         formula="I = I* (1 − s) from Tth after V < Vth, for Tc, then back over Tramp",
         description=text,
         source="IEEE Std 1547-2018, section 6.4; NERC, 900 MW Fault Induced Solar PV Resource Interruption, 2018",

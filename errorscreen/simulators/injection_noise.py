@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +18,11 @@ from errorscreen.simulators.playback import input_noise
 _BLOCK, _MOST_BLOCKS = 0.08, 96
 #: errors from injected noise that are kept: at least so many standard deviations of the noise as a whole, so many
 _MATTERS, _MOST_MODES = 0.3, 48
+#: a change of the response, rms, by more than this part of its movement and so many times the noise is another response
+_ANOTHER, _LEAST = 0.2, 3.0
 
 _Array = NDArray[np.float64]
-#: Response (R, L) to an event; takes ``interpolation`` and ``step`` by name.
+#: Response (R, L) to an event, or its change; takes ``interpolation`` and ``step`` by name.
 _Run = Callable[..., _Array]
 #: Shape in time of what one sample of noise does to a signal, and its standard deviation, for each signal.
 _Inputs = Mapping[str, tuple[_Array, float]]
@@ -27,6 +30,9 @@ _Inputs = Mapping[str, tuple[_Array, float]]
 
 def quantified(observation: Observation, run: _Run, step: float) -> Observation:
     """Return an observation with `Observation.extra` and `Observation.modes` as they follow from a model.
+
+    Where a small change of the input changes what happens (a plant trips that else does not), the responses say nothing
+    about uncertainty and are left out: a model on the edge between them would explain any recording.
 
     Parameters
     ----------
@@ -43,22 +49,29 @@ def quantified(observation: Observation, run: _Run, step: float) -> Observation:
     if np.isnan(response).any():  # whoever simulates will be told
         return observation
     part = observation.time < event.start - 2.5 * event.dt
+    noise = np.asarray(observation.noise)
+    movement = np.sqrt(np.mean((response - response[:, :1]) ** 2, axis=1))
+    most = np.maximum(_ANOTHER * movement, _LEAST * noise)
+
+    def changed(event: Playback, **options: Any) -> _Array:
+        """Change of the response, 0 where it fails or another response comes out."""
+        change = run(event, **options) - response
+        small = np.sqrt(np.mean(change**2, axis=1)) <= most  # False for NaN
+        return np.where(small.all(), change, 0.0)
+
     extra = np.zeros(observation.values.shape)
-    for other in (run(event, interpolation="linear"), run(event, step=0.5 * step)):
-        change = np.abs(other - response)
+    for options in ({"interpolation": "linear"}, {"step": 0.5 * step}):
+        change = np.abs(changed(event, **options))
         usual = 3.0 * change[:, part].max(axis=1, initial=0.0)  # what noise alone makes of it
-        extra = np.hypot(extra, np.where(np.isfinite(change) & (change > usual[:, None]), change, 0.0))
+        extra = np.hypot(extra, np.where(change > usual[:, None], change, 0.0))
     inputs = input_noise(event)
-    passed = _passed(run, event, response, inputs, observation.channels)
+    passed = _passed(changed, event, inputs, observation.channels)
     quiet = np.median(passed[:, part], axis=1)[:, None] if part.any() else passed
     extra = np.sqrt(extra**2 + np.maximum(passed - quiet, 0.0))
-    modes = _modes(run, event, response, inputs, np.asarray(observation.noise), step)
-    return replace(observation, extra=extra, modes=modes)
+    return replace(observation, extra=extra, modes=_modes(changed, event, inputs, noise, step))
 
 
-def _passed(
-    run: _Run, event: Playback, response: _Array, inputs: _Inputs, channels: tuple[str, ...]
-) -> _Array:
+def _passed(changed: _Run, event: Playback, inputs: _Inputs, channels: tuple[str, ...]) -> _Array:
     """Variance (R, L) of what the noise of the injected signals makes of the error at once.
 
     A signal that is moved up and down from sample to sample leaves slow dynamics at rest, so that one simulation shows
@@ -66,11 +79,10 @@ def _passed(
     moves both sides.
     """
     alternating = np.where(np.arange(len(event.time)) % 2, -1.0, 1.0)
-    total = np.zeros(response.shape)
+    total = np.zeros((len(channels), len(event.time)))
     for name, (shape, sigma) in inputs.items():
         size = sigma * shape[0]
-        moved = run(replace(event, signals={**event.signals, name: event.signals[name] + size * alternating}))
-        change = np.where(np.isfinite(moved), moved - response, 0.0)
+        change = changed(_moved(event, name, size * alternating))
         if name in channels:
             change[channels.index(name)] -= size * alternating
         total += change**2
@@ -78,9 +90,7 @@ def _passed(
     return np.asarray(median_filter(total, size=(1, 5)))
 
 
-def _modes(
-    run: _Run, event: Playback, response: _Array, inputs: _Inputs, noise: _Array, step: float
-) -> _Array:
+def _modes(changed: _Run, event: Playback, inputs: _Inputs, noise: _Array, step: float) -> _Array:
     """Slow errors (K, R, L) that the noise of the injected signals makes behind the dynamics of the model.
 
     White noise over a block of samples acts on slow dynamics as their sum does, so each block is moved as a whole by
@@ -95,16 +105,18 @@ def _modes(
             block = np.zeros(length)
             block[first : first + width] = 1.0
             moved = np.convolve(block, shape)[:length] * sigma / np.sqrt(width)
-            change = run(
-                replace(event, signals={**event.signals, name: event.signals[name] + moved}), step=2 * step
-            )
-            change = np.where(np.isfinite(change), change - response, 0.0)
+            change = changed(_moved(event, name, moved), step=2 * step)
             change[:, : first + width + 2] = 0.0
             rows.append(change)
     if not rows:
-        return np.zeros((0, *response.shape))
+        return np.zeros((0, len(noise), length))
     scaled = (np.array(rows) / noise[:, None]).reshape(len(rows), -1)
     _, S, Vt = np.linalg.svd(scaled, full_matrices=False)
     keep = min(int((S > _MATTERS).sum()), _MOST_MODES)
-    modes = (S[:keep, None] * Vt[:keep]).reshape(keep, *response.shape)
+    modes = (S[:keep, None] * Vt[:keep]).reshape(keep, len(noise), length)
     return np.asarray(modes * noise[:, None])
+
+
+def _moved(event: Playback, name: str, change: _Array) -> Playback:
+    """Return the event with one signal changed."""
+    return replace(event, signals={**event.signals, name: event.signals[name] + change})

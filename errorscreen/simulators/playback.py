@@ -13,6 +13,7 @@ from errorscreen.events import Playback
 from errorscreen.exceptions import DataWarning, InputError
 from errorscreen.observations import Observation
 from errorscreen.recordings import Recording
+from errorscreen.signals import scatter
 
 #: In pu. A plant that gives less rests, or its P is on a base that is a hundred times too large.
 LEAST_P = 0.01
@@ -117,7 +118,14 @@ def playback_observation(
             noise[r] = source.channels[name].noise
     values[:, unknown] = np.nan
     angle = ["angle" if "angle" in source.channels else "f"] if needs_angle else []
-    injected = {name: float(source.channels[name].noise) for name in ("V", *angle, *power)}
+    injected = {name: float(source.channels[name].noise) for name in ("V", *angle)}
+    # a stated noise of P and Q may stand for more than what scatters, and only that moves the voltage behind
+    injected |= {
+        name: min(
+            float(source.channels[name].noise), scatter(time[quiet], source.channels[name].values[quiet])
+        )
+        for name in power
+    }
     event = Playback(time, source.name, source.event_time, signals, initial, injected)
     return Observation(event, values, noise, channels, ("pu",) * len(channels), tuple(notes))
 
