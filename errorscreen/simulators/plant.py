@@ -29,6 +29,8 @@ from errorscreen.simulators.recent import Recent
 
 #: a response beyond this is not a machine's or a converter's, in pu
 _PLAUSIBLE = 1e3
+#: part of the noise of P and Q that counts at least, where a simulation is driven by both
+_LEAST_SHARE = 0.1
 #: lowest voltage in pu at which P and Q tell the current
 _DEAD = 0.02
 
@@ -266,7 +268,8 @@ class PlantSimulator(Simulator):
             self._loaded
         ):  # the noise of P and Q moves the simulation too, and less of it may be left in the error
             own = np.array([scatter(observation.time[part], v) for v in observation.values[:, part]])
-            noise = noise * np.minimum(1.0, np.divide(left, own, out=np.ones_like(own), where=own > 0))
+            shared = np.sqrt(np.maximum(noise**2 - own**2, 0.0) + left**2)
+            noise = np.maximum(np.minimum(noise, shared), _LEAST_SHARE * noise)
         noise = np.maximum(noise, left)
         notes = [
             f"The noise of {name} is taken as {new:.2g} instead of {old:.2g} pu, because the noise of what is injected "
