@@ -88,8 +88,7 @@ class Case(Section):
         if self.device.type not in DEVICES:
             raise unknown_name(self.device.type, DEVICES, kind="device", where="device.type")
         device = DEVICES[self.device.type]
-        in_grid = bool(self.device.grid_resistance or self.device.grid_reactance)
-        device.constant_values(self.device.constants, in_grid)
+        device.constant_values(self.device.constants, in_grid=self.device.grid_impedance != 0)
         space = self.device.apply(device.candidates)
         if self.screening.top_k is not None:
             check_integer(self.screening.top_k, "screening.top_k", high=len(space))

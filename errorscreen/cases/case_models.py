@@ -145,6 +145,11 @@ class DeviceSection(Section):
     )
     grid_reactance: Annotated[float, Field(ge=0)] = Field(default=0.0, description="the same, reactance")
 
+    @property
+    def grid_impedance(self) -> complex:
+        """R + jX of the grid in pu."""
+        return complex(self.grid_resistance, self.grid_reactance)
+
     def apply(self, space: ParameterSpace) -> ParameterSpace:
         """Candidates of this case, from those of the device.
 

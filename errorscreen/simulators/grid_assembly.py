@@ -51,8 +51,7 @@ def machine_prefix(bus: int) -> str:
 
 def constant_names(device: Device) -> tuple[str, ...]:
     """Candidates, constants and set-points of a device in a grid, without prefix."""
-    constants = (*device.constants, *device.interface.constants)
-    return (*device.candidates.names, *(c.name for c in constants), *device.setpoints, "size")
+    return (*device.candidates.names, *device.constant_values(in_grid=True), *device.setpoints, "size")
 
 
 def grid_effects(

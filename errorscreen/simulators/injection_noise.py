@@ -12,12 +12,15 @@ from scipy.ndimage import median_filter
 
 from errorscreen.events import Playback
 from errorscreen.observations import Observation
+from errorscreen.signals import scatter
 from errorscreen.simulators.playback import input_noise
 
 #: seconds over which the noise of an injected signal is taken together, and the most such blocks in a record
 _BLOCK, _MOST_BLOCKS = 0.08, 96
 #: errors from injected noise that are kept: at least so many standard deviations of the noise as a whole, so many
 _MATTERS, _MOST_MODES = 0.3, 48
+#: part of a channel's noise that is left at least where the channel is injected as well
+_LEAST_SHARE = 0.1
 #: a change of the response, rms, by more than this part of its movement and so many times the noise is another response
 _ANOTHER, _LEAST = 0.2, 3.0
 
@@ -26,6 +29,32 @@ _Array = NDArray[np.float64]
 _Run = Callable[..., _Array]
 #: Shape in time of what one sample of noise does to a signal, and its standard deviation, for each signal.
 _Inputs = Mapping[str, tuple[_Array, float]]
+
+
+def noise_left(observation: Observation, errors: _Array, part: NDArray[np.bool_]) -> _Array:
+    """Standard deviation (R,) of the noise that is left in the errors of a simulation.
+
+    That of a channel itself, or what the errors scatter by before the event where that is more. Where a channel is also
+    injected, its noise moves the simulation as well, and less of it may be left.
+
+    Parameters
+    ----------
+    observation : Observation
+        Its event is a `Playback`.
+    errors : ndarray of shape (R, K)
+        Measured minus simulated before the event.
+    part : ndarray of shape (L,), bool
+        The samples before the event.
+    """
+    assert isinstance(observation.event, Playback)
+    time, noise = observation.time[part], np.array(observation.noise)
+    left = np.array([scatter(time, e) for e in errors])
+    for r, name in enumerate(observation.channels):
+        if name in observation.event.signals:
+            own = scatter(time, observation.values[r, part])
+            rest = np.sqrt(max(noise[r] ** 2 - own**2, 0.0) + left[r] ** 2)
+            noise[r] = np.clip(rest, _LEAST_SHARE * noise[r], noise[r])
+    return np.maximum(noise, left)
 
 
 def quantified(observation: Observation, run: _Run, step: float) -> Observation:

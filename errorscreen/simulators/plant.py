@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from numbers import Number
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import PchipInterpolator
 
 from errorscreen.effects import LIBRARY, Effect, measurement_effects
 from errorscreen.engine import Engine, ReferenceEngine
@@ -20,19 +18,16 @@ from errorscreen.parameters import ParameterSpace
 from errorscreen.power import DEVICES, Device
 from errorscreen.recordings import Recording
 from errorscreen.resampling import check_steps
-from errorscreen.signals import correlation_time, scatter
+from errorscreen.signals import correlation_time
 from errorscreen.simulators.assembly import INSIDE, assemble, measured, start_effects, switched_off
 from errorscreen.simulators.base import Responses, Simulator, Status
-from errorscreen.simulators.injection_noise import quantified
+from errorscreen.simulators.driving_voltage import check_impedance, driving_voltage
+from errorscreen.simulators.injection_noise import noise_left, quantified
 from errorscreen.simulators.playback import playback_observation
 from errorscreen.simulators.recent import Recent
 
 #: a response beyond this is not a machine's or a converter's, in pu
 _PLAUSIBLE = 1e3
-#: part of the noise of P and Q that counts at least, where a simulation is driven by both
-_LEAST_SHARE = 0.1
-#: lowest voltage in pu at which P and Q tell the current
-_DEAD = 0.02
 
 
 class PlantSimulator(Simulator):
@@ -116,16 +111,22 @@ class PlantSimulator(Simulator):
         self.parameters = device.candidates if parameters is None else parameters
         for name in self.parameters.names:
             device.candidates.index(name)
-        self.grid_impedance = _checked(grid_impedance)
-        self._loaded = self.grid_impedance != 0
+        self.grid_impedance = check_impedance(grid_impedance)
+        self._behind = self.grid_impedance != 0
         self.constants = _with_frequency(
-            device.constant_values(constants, in_grid=self._loaded), recording, constants
+            device.constant_values(constants, in_grid=self._behind), recording, constants
         )
+        if self._behind:
+            self.constants |= {
+                "R_grid": self.grid_impedance.real,
+                "X_grid": self.grid_impedance.imag,
+                "size": 1.0,
+            }
         if effects is None:
-            faults = () if self._loaded else measurement_effects(device.outputs)
+            faults = () if self._behind else measurement_effects(device.outputs)
             effects = (*LIBRARY.get(device.name, ()), *faults)
         self.effects = tuple(effects)
-        wrong = [effect.name for effect in self.effects if self._loaded and effect.kind == "measurement"]
+        wrong = [effect.name for effect in self.effects if self._behind and effect.kind == "measurement"]
         if wrong:  # what is recorded wrongly would give a wrong voltage behind the impedance
             raise InputError(
                 f"the effects {', '.join(wrong)} distort the power that the voltage behind the impedance follows from",
@@ -136,7 +137,7 @@ class PlantSimulator(Simulator):
         self.step, self.dt = step, dt
         self.operating_point = dict(operating_point or {})
         self._recent = Recent()
-        self._engine = engines[engine](assemble(device, self.effects, self._loaded), n_threads)
+        self._engine = engines[engine](assemble(device, self.effects, self._behind), n_threads)
         self.channels = _channels(recording, channels, device.outputs)
         self.units = ("pu",) * len(self.channels)
         self.event = recording if isinstance(recording, Playback) else self.observe(recording).event
@@ -182,12 +183,11 @@ class PlantSimulator(Simulator):
         return self._with_uncertainty(observation, recording)
 
     def settings(self) -> dict[str, Any]:
-        """Device, constants, longest step, impedance and added effects; see `Simulator.settings`."""
+        """Device, constants, longest step and added effects; see `Simulator.settings`."""
         return {
             "device": self.device.name,
             "constants": self.constants,
             "step": self.step,
-            "grid_impedance": [self.grid_impedance.real, self.grid_impedance.imag],
             "extensions": [effect.name for effect in self.extensions],
         }
 
@@ -217,7 +217,7 @@ class PlantSimulator(Simulator):
         with np.errstate(all="ignore"):  # an absurd parameter shows in `feasible`
             states, setpoints, feasible = self.device.initialise(values)
         values |= {**states, **setpoints}
-        if self._loaded:
+        if self._behind:
             values |= {state: values[name] for state, name in self.device.interface.states}
         values |= {name: np.full(len(theta), t - event.time[0]) for name, t in _instants(event).items()}
         values |= start_effects(self._inside, values, lambda effect: values, h)
@@ -249,7 +249,7 @@ class PlantSimulator(Simulator):
         """Input of the engine."""
 
         def compute() -> NDArray[np.float64]:
-            return _inputs(event, every, self.device.needs_angle, self.grid_impedance, interpolation)
+            return driving_voltage(event, every, self.device.needs_angle, self.grid_impedance, interpolation)
 
         return np.asarray(self._recent.get((event, every, interpolation), compute))
 
@@ -262,15 +262,7 @@ class PlantSimulator(Simulator):
             return observation
         part = (observation.time >= quiet[0]) & (observation.time <= quiet[1])
         errors = (observation.values - responses.values[0])[:, part]
-        left = np.array([scatter(observation.time[part], e) for e in errors])
-        noise = np.asarray(observation.noise)
-        if (
-            self._loaded
-        ):  # the noise of P and Q moves the simulation too, and less of it may be left in the error
-            own = np.array([scatter(observation.time[part], v) for v in observation.values[:, part]])
-            shared = np.sqrt(np.maximum(noise**2 - own**2, 0.0) + left**2)
-            noise = np.maximum(np.minimum(noise, shared), _LEAST_SHARE * noise)
-        noise = np.maximum(noise, left)
+        noise = noise_left(observation, errors, part)
         notes = [
             f"The noise of {name} is taken as {new:.2g} instead of {old:.2g} pu, because the noise of what is injected "
             "passes through the device."
@@ -305,9 +297,6 @@ class PlantSimulator(Simulator):
         one = np.ones(len(theta))
         values = {p.name: p.nominal * one for p in self.device.candidates}
         values |= {name: value * one for name, value in self.constants.items()}
-        if self._loaded:
-            Z = self.grid_impedance
-            values |= {"R_grid": Z.real * one, "X_grid": Z.imag * one, "size": one}
         values |= switched_off(self.effects, len(theta))
         values |= dict(zip(self.parameters.names, theta.T, strict=True))
         values |= {name: float(event.initial[name]) * one for name in ("V", "P", "Q")}
@@ -364,60 +353,3 @@ def _channels(recording: Any, channels: Iterable[str] | None, outputs: tuple[str
             "neither P nor Q was recorded, so there is nothing to compare with", where="PlantSimulator"
         )
     return channels
-
-
-def _checked(impedance: complex) -> complex:
-    """Impedance of a grid that can carry the rated power."""
-    number = isinstance(impedance, Number) and not isinstance(impedance, bool)
-    value = complex(impedance) if number else complex(np.nan)
-    if not (value.real >= 0 and value.imag >= 0 and abs(value) <= 1):
-        raise InputError(
-            f"the impedance of the grid is {impedance!r}",
-            where="PlantSimulator",
-            allowed="R + jX in pu of the device's base with R >= 0, X >= 0, and a magnitude of at most 1, where the "
-            "short-circuit power is the rated one",
-        )
-    return value
-
-
-def _inputs(
-    event: Playback, every: int, needs_angle: bool, impedance: complex, interpolation: str
-) -> NDArray[np.float64]:
-    """Real and imaginary part of the driving voltage at every half step, shape (2 * n_steps + 1, 2).
-
-    Magnitude and angle are interpolated, not the components, so that a turning phasor keeps its length; by monotone
-    cubics (F. N. Fritsch and J. Butland, SIAM J. Sci. Stat. Comput. 5, 1984), which follow a smooth signal to a higher
-    order than straight lines and do not overshoot at a step. Behind an impedance the recorded current is the conjugate
-    of (P + jQ) / V.
-    """
-    needed = ("V", *(("angle",) if needs_angle else ()), *(("P", "Q") if impedance else ()))
-    if not set(needed) <= set(event.signals):
-        raise InputError(
-            f"the event {event.name!r} has the signals {', '.join(event.signals) or 'none'}",
-            allowed=f"{', '.join(needed)} for this device" + (" behind an impedance" if impedance else ""),
-        )
-    samples = np.arange(len(event.time))
-    position = np.arange(2 * every * samples[-1] + 1) / (2 * every)
-
-    def between(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        if interpolation == "linear":
-            return np.interp(position, samples, values)
-        return np.asarray(PchipInterpolator(samples, values)(position))
-
-    magnitude = between(event.signals["V"])
-    V = (
-        magnitude * np.exp(1j * between(event.signals["angle"]))
-        if "angle" in event.signals
-        else magnitude + 0j
-    )
-    if impedance:
-        if np.abs(V).min() < _DEAD:
-            raise InputError(
-                f"the voltage falls to {np.abs(V).min():.2g} pu, where P and Q tell no current, so the voltage behind "
-                "the impedance is unknown",
-                where=f"event {event.name!r}, grid_impedance",
-                allowed=f"at least {_DEAD:g} pu",
-                remedy="Leave the impedance out: a voltage that is short-circuited is not moved by the plant",
-            )
-        V = V - impedance * np.conj((between(event.signals["P"]) + 1j * between(event.signals["Q"])) / V)
-    return np.column_stack([V.real, V.imag])

@@ -82,7 +82,7 @@ class Study:
             constants=case.device.constants,
             step=case.simulation.step,
             dt=case.simulation.dt,
-            grid_impedance=complex(case.device.grid_resistance, case.device.grid_reactance),
+            grid_impedance=case.device.grid_impedance,
         )
         study = cls.of(case.title, simulator, recording, held_out, case)
         return replace(study, paths=tuple(section.path for section in (case.recording, *case.held_out)))

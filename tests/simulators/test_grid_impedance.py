@@ -221,6 +221,7 @@ def test_an_impedance_that_is_none_is_refused(impedance):
 
 def test_settings_and_constants_of_the_grid():
     behind = plant("pv_plant", grid_impedance=Z, constants={"KPLL": 60.0})
-    assert behind.settings()["grid_impedance"] == [0.03, 0.12]
+    constants = behind.settings()["constants"]
+    assert [constants[name] for name in ("R_grid", "X_grid", "KPLL")] == [0.03, 0.12, 60.0]
     with pytest.raises(InputError, match="unknown constant 'KPLL'"):  # an ideal loop has no gain
         plant("pv_plant", constants={"KPLL": 60.0})

@@ -1,0 +1,72 @@
+"""Voltage that drives a plant in playback: the recorded one, or the one behind the impedance of the grid."""
+
+from __future__ import annotations
+
+from numbers import Number
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from errorscreen.events import Playback
+from errorscreen.exceptions import InputError
+
+#: lowest voltage in pu at which P and Q tell the current
+_DEAD = 0.02
+
+
+def check_impedance(impedance: complex) -> complex:
+    """Return the impedance of a grid that can carry the rated power; anything else raises `InputError`."""
+    number = isinstance(impedance, Number) and not isinstance(impedance, bool)
+    value = complex(impedance) if number else complex(np.nan)
+    if not (value.real >= 0 and value.imag >= 0 and abs(value) <= 1):
+        raise InputError(
+            f"the impedance of the grid is {impedance!r}",
+            where="PlantSimulator",
+            allowed="R + jX in pu of the device's base with R >= 0, X >= 0, and a magnitude of at most 1, where the "
+            "short-circuit power is the rated one",
+        )
+    return value
+
+
+def driving_voltage(
+    event: Playback, every: int, needs_angle: bool, impedance: complex, interpolation: str
+) -> NDArray[np.float64]:
+    """Real and imaginary part of the driving voltage at every half step, shape (2 * n_steps + 1, 2).
+
+    Magnitude and angle are interpolated, not the components, so that a turning phasor keeps its length; by monotone
+    cubics (F. N. Fritsch and J. Butland, SIAM J. Sci. Stat. Comput. 5, 1984), which follow a smooth signal to a higher
+    order than straight lines and do not overshoot at a step. Behind an impedance the recorded current is the conjugate
+    of (P + jQ) / V.
+    """
+    needed = ("V", *(("angle",) if needs_angle else ()), *(("P", "Q") if impedance else ()))
+    if not set(needed) <= set(event.signals):
+        raise InputError(
+            f"the event {event.name!r} has the signals {', '.join(event.signals) or 'none'}",
+            allowed=f"{', '.join(needed)} for this device" + (" behind an impedance" if impedance else ""),
+        )
+    samples = np.arange(len(event.time))
+    position = np.arange(2 * every * samples[-1] + 1) / (2 * every)
+
+    def between(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        if interpolation == "linear":
+            return np.interp(position, samples, values)
+        return np.asarray(PchipInterpolator(samples, values)(position))
+
+    magnitude = between(event.signals["V"])
+    V = (
+        magnitude * np.exp(1j * between(event.signals["angle"]))
+        if "angle" in event.signals
+        else magnitude + 0j
+    )
+    if impedance:
+        if np.abs(V).min() < _DEAD:
+            raise InputError(
+                f"the voltage falls to {np.abs(V).min():.2g} pu, where P and Q tell no current, so the voltage behind "
+                "the impedance is unknown",
+                where=f"event {event.name!r}, grid_impedance",
+                allowed=f"at least {_DEAD:g} pu",
+                remedy="Leave the impedance out: a voltage that is short-circuited is not moved by the plant",
+            )
+        V = V - impedance * np.conj((between(event.signals["P"]) + 1j * between(event.signals["Q"])) / V)
+    return np.column_stack([V.real, V.imag])
