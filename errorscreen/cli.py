@@ -124,7 +124,16 @@ def _parser() -> argparse.ArgumentParser:
         help="level of the response over its noise; no noise where not given",
     )
     paper.add_argument(
-        "--samples", type=int, default=None, help="simulated errors that the network learns from"
+        "--samples",
+        type=int,
+        default=None,
+        help="simulated errors with exact labels that the network learns from",
+    )
+    paper.add_argument(
+        "--enlarged",
+        type=int,
+        default=None,
+        help="further ones, with labels by a regression of the exact ones",
     )
     paper.add_argument("--jobs", type=int, default=-1, help="processes (default: one for each core)")
     paper.set_defaults(command=_bench_paper, default_out="errorscreen-paper", interrupted=resumable)
@@ -208,7 +217,8 @@ def _bench_paper(options: argparse.Namespace, out: str) -> None:
     if options.fresh:
         shutil.rmtree(folder / "stages", ignore_errors=True)
     show = not options.quiet
-    effort = Effort() if options.samples is None else Effort(samples=options.samples)
+    given = {"samples": options.samples, "enlarged": options.enlarged}
+    effort = Effort(**{name: value for name, value in given.items() if value is not None})
     paper_study(
         folder,
         lambda line: print(line, file=sys.stderr, flush=True) if show else None,

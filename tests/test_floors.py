@@ -24,7 +24,7 @@ FLOORS = [
     {"engine", "io", "metrics", "persistence"},
     {"effects", "power"},
     {"simulators", "sampling"},
-    {"features", "regressors", "network", "generation", "datasets", "checkpoint"},
+    {"features", "regressors", "network", "generation", "augmentation", "datasets", "checkpoint"},
     {"screening", "calibration"},
     {"discovery", "testing"},
     {"plotting", "cases"},

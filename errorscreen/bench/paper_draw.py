@@ -53,8 +53,12 @@ class Effort:
 
     Parameters
     ----------
-    samples, epochs : int
-        Simulated errors that the network learns from, and passes over them.
+    samples : int
+        Simulated errors with exact labels that the network learns from.
+    enlarged : int
+        Further ones, whose labels come from a regression of the exact ones, see `enlarge_dataset`.
+    epochs : int
+        Passes over all of them.
     particles, iterations : int
         Of the swarm.
     starts, library : int
@@ -64,17 +68,18 @@ class Effort:
     """
 
     samples: int = 20000
-    epochs: int = 20
+    enlarged: int = 60000
+    epochs: int = 8
     particles: int = 30
     iterations: int = 80
     starts: int = 8
     library: int = 1024
-    posterior: int = 32
+    posterior: int = 96
 
     def __post_init__(self) -> None:
         # all of it at once: the search that needs a number may begin half an hour later
         for name, value in asdict(self).items():
-            check_integer(value, name, low=10 if name == "samples" else 1)
+            check_integer(value, name, low={"samples": 20, "enlarged": 0}.get(name, 1))
 
 
 @dataclass(frozen=True)
@@ -160,11 +165,12 @@ def hidden(setting: Setting, draw: int, step_errors: dict[str, _Array], names: I
 
 
 class Ranked(NamedTuple):
-    """Contributions (m,) by one ranking, and what they cost."""
+    """Contributions (m,) by one ranking, what they cost, and the overlap that it expects of itself."""
 
     contributions: _Array
     simulations: int
     seconds: float
+    expected: float = np.nan
 
 
 class FullFit(NamedTuple):
@@ -197,6 +203,7 @@ def run_draw(
     dict of str to ndarray
         ``theta``, ``label`` (m,): the truth; ``contributions`` (rankings, m) and ``overlap`` (rankings,) with the label
         of the calibration event, ``overlap_three`` that of the attribution on three events with their mean label;
+        ``expected_overlap`` (2,), what the attribution expects of itself on one event and on three;
         ``calibrated`` (fits, m); ``before`` (events, R) and ``errors`` (fits, events, R), equation (23) against the
         true response; ``measured_before`` (R,) and ``measured`` (fits, R), the same on the calibration event against
         the recording; ``chi2`` and ``objective`` (2, 2), χ²/N and χ² + prior of the fit of all parameters and at the
@@ -232,6 +239,7 @@ def run_draw(
         "contributions": np.array([ranked[name].contributions for name in RANKINGS]),
         "overlap": np.array([top_k_overlap(label, ranked[name].contributions, TOP) for name in RANKINGS]),
         "overlap_three": np.array(top_k_overlap(label_three, on_three.ranked.contributions, TOP)),
+        "expected_overlap": np.array([f.ranked.expected for f in full]),
         "calibrated": thetas[1:],
         "before": errors[:, 0],
         "errors": errors[:, 1:].swapaxes(0, 1),
@@ -270,7 +278,12 @@ def _fit_all(setting: Setting, recordings: list[Observation], theta: _Array, see
     return FullFit(
         fit,
         seconds,
-        Ranked(attribution.contributions_, attribution.n_simulations_, seconds + more),
+        Ranked(
+            attribution.contributions_,
+            attribution.n_simulations_,
+            seconds + more,
+            float(attribution.inclusion_probability(TOP)[attribution.ranking_[:TOP]].mean()),
+        ),
         chi2_truth / problem.n_values,
         (min(start["objective"] for start in fit.starts_), chi2_truth + prior_truth),
         (low <= theta) & (theta <= high),

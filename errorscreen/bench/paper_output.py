@@ -110,6 +110,11 @@ def _rankings(methods: dict[str, Any]) -> str:
     for name in RANKINGS:
         three = methods[name].get("three_events")
         lines.append(f"| {_LABELS[name]} | {_overlap(methods[name])} | {_overlap(three) if three else ''} |")
+    one, three = (e["expected_overlap_at_10"] for e in (methods["map"], methods["map"]["three_events"]))
+    lines += [
+        "",
+        f"The attribution expects {one:.3f} and {three:.3f} of itself: what the recordings leave open.",
+    ]
     return "\n".join(lines)
 
 
@@ -143,8 +148,9 @@ def _reductions(methods: dict[str, Any]) -> str:
 def _training(result: dict[str, Any]) -> str:
     cost = result["training"]
     return (
-        f"The network has been trained before, on {result['effort']['samples']} samples: {cost['simulations']} "
-        f"simulations in {cost['simulation_seconds']:.0f} s and {cost['training_seconds']:.0f} s of training, which "
+        f"The network has been trained before, on {result['effort']['samples']} samples with exact labels and "
+        f"{result['effort']['enlarged']} with labels by regression: {cost['simulations']} simulations in "
+        f"{cost['simulation_seconds']:.0f} s and {cost['training_seconds']:.0f} s of training, which "
         f"the table does not count. Seconds are those of one process among others; the whole study took "
         f"{result['seconds'] / 60:.0f} minutes on {result['machine']['cores']} cores."
     )

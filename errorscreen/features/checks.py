@@ -84,6 +84,37 @@ def split_channels(X: NDArray[Any], n_channels: int | None, where: str) -> NDArr
     return X.reshape(len(X), count, -1)
 
 
+def check_noise(noise: ArrayLike | None, shape: tuple[int, ...], where: str) -> NDArray[np.float64]:
+    """Return the standard deviation of the noise of each channel and instant (R, L).
+
+    Parameters
+    ----------
+    noise : None, float or array-like of shape (R,) or (R, L)
+        None is without noise.
+    shape : tuple (R, L)
+    where : str
+        Estimator, for the message.
+
+    Raises
+    ------
+    InputError
+        If it does not fit the shape, or is negative or not finite.
+
+    Examples
+    --------
+    >>> check_noise([2.0, 0.0], (2, 3), "here").tolist()
+    [[2.0, 2.0, 2.0], [0.0, 0.0, 0.0]]
+    """
+    given = np.asarray(0.0 if noise is None else noise, dtype=float)
+    if given.shape not in ((), shape[:1], shape) or not np.all(np.isfinite(given) & (given >= 0)):
+        raise InputError(
+            f"noise is {noise!r}",
+            where=where,
+            allowed=f"a finite number >= 0 for each of {shape[0]} channels, or an array {shape}",
+        )
+    return np.broadcast_to(given[:, None] if given.ndim == 1 else given, shape)
+
+
 def check_choice(name: str, value: Any, allowed: Sequence[Any], where: str) -> Any:
     """Return `value` if it is one of `allowed`, else raise `InputError`."""
     if value not in allowed:

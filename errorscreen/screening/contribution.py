@@ -13,8 +13,8 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
 from errorscreen.exceptions import InputError, check_integer
-from errorscreen.features import ChannelScaler, CWTTransformer
-from errorscreen.features.checks import check_stack
+from errorscreen.features import ChannelScaler, CWTTransformer, ErrorWhitener
+from errorscreen.features.checks import check_noise, check_stack
 from errorscreen.metrics import ranking
 from errorscreen.regressors import CNNContributionRegressor
 
@@ -64,6 +64,9 @@ class ContributionScreener(RegressorMixin, BaseEstimator):
         none and measured ones do.
     n_copies : int, default 1
         With `noise`: how often each training error is used, with other noise each time.
+    whiten : bool, default True
+        Bring out what is small in the errors but above the noise, before the estimator sees them, see `ErrorWhitener`:
+        where a few parameters shape most of the error, the others are read off what is small in it.
     random_state : int, RandomState instance or None, default None
         Of the noise, and of the default estimator. One child of the seed for each sample, so that the noise of
         a sample does not depend on how many there are.
@@ -72,6 +75,7 @@ class ContributionScreener(RegressorMixin, BaseEstimator):
     ----------
     estimator_ : regressor
         The fitted estimator.
+    whitener_ : ErrorWhitener or None
     names_ : tuple of m str
         Parameters in the order of the columns.
     n_outputs_ : int
@@ -104,12 +108,14 @@ class ContributionScreener(RegressorMixin, BaseEstimator):
         *,
         noise: ArrayLike | None = None,
         n_copies: int = 1,
+        whiten: bool = True,
         random_state: Any = None,
     ) -> None:
         self.estimator = estimator
         self.parameter_names = parameter_names
         self.noise = noise
         self.n_copies = n_copies
+        self.whiten = whiten
         self.random_state = random_state
 
     def fit(self, X: ArrayLike, y: ArrayLike) -> ContributionScreener:
@@ -127,10 +133,14 @@ class ContributionScreener(RegressorMixin, BaseEstimator):
         self.n_outputs_ = 1 if y.ndim == 1 else y.shape[1]
         self.names_ = self._check_names()
         random_state = check_random_state(self.random_state)
+        # from errors without noise, which tell signal and noise apart better than any threshold
+        self.whitener_ = ErrorWhitener(self.noise).fit(X) if self.whiten else None
         if self.noise is not None:
             X, y = self._add_noise(np.asarray(X), y, random_state.randint(np.iinfo(np.int32).max))
         default = contribution_pipeline(random_state=random_state.randint(np.iinfo(np.int32).max))
-        self.estimator_ = clone(default if self.estimator is None else self.estimator).fit(X, y)
+        self.estimator_ = clone(default if self.estimator is None else self.estimator).fit(
+            self._whitened(X), y
+        )
         return self
 
     def predict(self, X: ArrayLike) -> NDArray[np.float64]:
@@ -145,7 +155,9 @@ class ContributionScreener(RegressorMixin, BaseEstimator):
         ndarray of shape (n, m), or (n,) where fit was given a 1-D `y`
         """
         check_is_fitted(self)
-        return np.asarray(self.estimator_.predict(check_stack(self, X, reset=False)), dtype=float)
+        return np.asarray(
+            self.estimator_.predict(self._whitened(check_stack(self, X, reset=False))), dtype=float
+        )
 
     def rank(self, X: ArrayLike) -> NDArray[np.int64]:
         """Rank the parameters, from the largest contribution down; equal ones keep their order.
@@ -170,6 +182,9 @@ class ContributionScreener(RegressorMixin, BaseEstimator):
         """
         return [tuple(self.names_[j] for j in row) for row in self.rank(X)]
 
+    def _whitened(self, X: Any) -> Any:
+        return X if self.whitener_ is None else self.whitener_.transform(X)
+
     def _check_names(self) -> tuple[str, ...]:
         if self.parameter_names is None:
             return tuple(f"parameter_{j}" for j in range(self.n_outputs_))
@@ -186,17 +201,13 @@ class ContributionScreener(RegressorMixin, BaseEstimator):
         """Repeat each sample with white noise, from one random stream for each sample."""
         copies = check_integer(self.n_copies, "n_copies")
         shape = X.shape[1:] if X.ndim == 3 else (1, X.shape[1])
-        noise = np.asarray(self.noise, dtype=float)
-        if noise.shape not in ((), shape[:1], shape) or not np.all(np.isfinite(noise) & (noise >= 0)):
-            raise InputError(
-                f"noise is {self.noise!r}",
-                where=type(self).__name__,
-                allowed=f"a finite number >= 0 for each of {shape[0]} channels, or an array {shape}",
-            )
-        scale = np.broadcast_to(noise[:, None] if noise.ndim == 1 else noise, shape).reshape(X.shape[1:])
-        streams = np.random.SeedSequence(seed).spawn(len(X))
-        white = [np.random.default_rng(s).standard_normal((copies, *X.shape[1:])) for s in streams]
-        return np.repeat(X, copies, axis=0) + np.concatenate(white) * scale, np.repeat(y, copies, axis=0)
+        scale = check_noise(self.noise, shape, type(self).__name__).reshape(X.shape[1:])
+        # filled in place: a training set of several GB would not fit three times
+        noisy = np.repeat(X, copies, axis=0)
+        for i, stream in enumerate(np.random.SeedSequence(seed).spawn(len(X))):
+            white = np.random.default_rng(stream).standard_normal((copies, *X.shape[1:]))
+            noisy[i * copies : (i + 1) * copies] += white * scale
+        return noisy, np.repeat(y, copies, axis=0)
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()

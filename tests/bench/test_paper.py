@@ -12,7 +12,9 @@ from errorscreen.bench.paper_output import typical_draw
 from errorscreen.cli import main
 from errorscreen.exceptions import InputError
 
-SMALL = Effort(samples=24, epochs=1, particles=6, iterations=2, starts=2, library=32, posterior=4)
+SMALL = Effort(
+    samples=24, enlarged=16, epochs=1, particles=6, iterations=2, starts=2, library=32, posterior=4
+)
 
 
 @pytest.fixture(scope="module")
@@ -118,6 +120,7 @@ def test_the_summary_counts_what_it_says():
         "measured": errors[:, :, 0],
         "overlap": np.tile([[0.5], [0.7], [0.9], [0.3]], (1, len(RANKINGS))),
         "overlap_three": np.full(n, 0.9),
+        "expected_overlap": np.tile([0.8, 0.95], (n, 1)),
         "chi2": np.array([[[1.0, 1.0]] * 2, [[1.06, 1.02]] * 2, [[1.2, 1.0]] * 2, [[0.9, 1.1]] * 2]),
         "objective": np.array(
             [[[9.0, 10.0]] * 2, [[10.0, 10.0]] * 2, [[11.0, 10.0]] * 2, [[12.0, 10.0]] * 2]
@@ -150,7 +153,9 @@ def test_the_summary_counts_what_it_says():
     assert everything["converged_share"] == 1.0
     assert everything["three_events"]["converged_share"] == pytest.approx(0.75)
     assert everything["three_events"]["chi2_largest"] == pytest.approx(1.2)
+    assert methods["map"]["expected_overlap_at_10"] == pytest.approx(0.8)
     assert methods["map"]["three_events"]["overlap_at_10"] == pytest.approx(0.9)
+    assert methods["map"]["three_events"]["expected_overlap_at_10"] == pytest.approx(0.95)
     assert typical_draw(table) in (1, 2)
 
 
@@ -162,6 +167,7 @@ def test_the_summary_counts_what_it_says():
         (["--noise-db", "-3"], "noise_db"),
         (["--noise-db", "nan"], "noise_db"),
         (["--samples", "1"], "samples"),
+        (["--enlarged", "-1"], "enlarged"),
         (["--seed", str(10**23)], "seed"),
         (["--jobs", "0"], "jobs"),
     ],

@@ -8,7 +8,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from errorscreen.exceptions import InputError
-from errorscreen.features import ChannelScaler, CWTTransformer, ResponseErrorTransformer
+from errorscreen.features import ChannelScaler, CWTTransformer, ErrorWhitener, ResponseErrorTransformer
 from errorscreen.generation import generate_dataset
 from errorscreen.metrics import top_k_overlap
 from errorscreen.regressors import CNNContributionRegressor
@@ -158,7 +158,9 @@ def test_noise_can_differ_from_sample_to_sample():
     errors, contributions = np.zeros((4, 2, 10)), np.ones((4, 3))
     noise = np.ones((2, 10))
     noise[1, 3:6] = 0.0  # nothing was measured there
-    screener = ContributionScreener(Remember(), noise=noise, random_state=0).fit(errors, contributions)
+    screener = ContributionScreener(Remember(), noise=noise, whiten=False, random_state=0).fit(
+        errors, contributions
+    )
     seen = screener.estimator_.seen_[0]
     assert np.all(seen[:, 1, 3:6] == 0)
     assert np.all(seen[:, 0] != 0)
@@ -167,7 +169,7 @@ def test_noise_can_differ_from_sample_to_sample():
 def test_noise_is_added_to_the_training_errors_only():
     errors, contributions = dataset(400, 6)
     noise = np.array([0.02, 0.5])
-    screener = ContributionScreener(Remember(), noise=noise, n_copies=3, random_state=0).fit(
+    screener = ContributionScreener(Remember(), noise=noise, n_copies=3, whiten=False, random_state=0).fit(
         errors, contributions
     )
     seen, labels = screener.estimator_.seen_
@@ -180,6 +182,19 @@ def test_noise_is_added_to_the_training_errors_only():
     # the noise of a sample is its own, whatever comes after it
     fewer = clone(screener).fit(errors[:50], contributions[:50]).estimator_.seen_[0]
     np.testing.assert_array_equal(fewer, seen[:150])
+
+
+def test_the_estimator_sees_whitened_errors_with_whitened_noise():
+    errors, contributions = dataset(60, 6)
+    noise = np.array([0.02, 0.5])
+    raw, white = (
+        ContributionScreener(Remember(), noise=noise, whiten=whiten, random_state=0).fit(
+            errors, contributions
+        )
+        for whiten in (False, True)
+    )
+    whitener = ErrorWhitener(noise).fit(errors)
+    np.testing.assert_array_equal(white.estimator_.seen_[0], whitener.transform(raw.estimator_.seen_[0]))
 
 
 @pytest.mark.parametrize(
