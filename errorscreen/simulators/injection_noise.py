@@ -57,7 +57,7 @@ def noise_left(observation: Observation, errors: _Array, part: NDArray[np.bool_]
     return np.maximum(noise, left)
 
 
-def quantified(observation: Observation, run: _Run, step: float) -> Observation:
+def quantified(observation: Observation, run: _Run, step: float, nominal: _Run) -> Observation:
     """Return an observation with `Observation.extra` and `Observation.modes` as they follow from a model.
 
     Where a small change of the input changes what happens (a plant trips that else does not), the responses say nothing
@@ -71,6 +71,9 @@ def quantified(observation: Observation, run: _Run, step: float) -> Observation:
         ``run(event, interpolation=..., step=...)`` gives the response (R, L) of the model, NaN where it fails.
     step : float
         Longest step of the integration that `run` uses, in seconds.
+    nominal : callable
+        As `run`, of the model that `Observation.noise` was estimated with. What the noise of the injected signals makes
+        of *its* response before the event is part of that noise; with another operating point more of it passes.
     """
     event = observation.event
     assert isinstance(event, Playback)
@@ -79,15 +82,7 @@ def quantified(observation: Observation, run: _Run, step: float) -> Observation:
         return observation
     part = observation.time < event.start - 2.5 * event.dt
     noise = np.asarray(observation.noise)
-    movement = np.sqrt(np.mean((response - response[:, :1]) ** 2, axis=1))
-    most = np.maximum(_ANOTHER * movement, _LEAST * noise)
-
-    def changed(event: Playback, **options: Any) -> _Array:
-        """Change of the response, 0 where it fails or another response comes out."""
-        change = run(event, **options) - response
-        small = np.sqrt(np.mean(change**2, axis=1)) <= most  # False for NaN
-        return np.where(small.all(), change, 0.0)
-
+    changed = _changes(run, response, noise)
     extra = np.zeros(observation.values.shape)
     for options in ({"interpolation": "linear"}, {"step": 0.5 * step}):
         change = np.abs(changed(event, **options))
@@ -95,9 +90,23 @@ def quantified(observation: Observation, run: _Run, step: float) -> Observation:
         extra = np.hypot(extra, np.where(change > usual[:, None], change, 0.0))
     inputs = input_noise(event)
     passed = _passed(changed, event, inputs, observation.channels)
-    quiet = np.median(passed[:, part], axis=1)[:, None] if part.any() else passed
+    counted = _passed(_changes(nominal, nominal(event), noise), event, inputs, observation.channels)
+    quiet = np.median(counted[:, part], axis=1)[:, None] if part.any() else counted
     extra = np.sqrt(extra**2 + np.maximum(passed - quiet, 0.0))
     return replace(observation, extra=extra, modes=_modes(changed, event, inputs, noise, step))
+
+
+def _changes(run: _Run, response: _Array, noise: _Array) -> _Run:
+    """Changes of a model's response to its event, 0 where it fails or another response comes out."""
+    movement = np.sqrt(np.mean((response - response[:, :1]) ** 2, axis=1))
+    most = np.maximum(_ANOTHER * movement, _LEAST * noise)
+
+    def changed(event: Playback, **options: Any) -> _Array:
+        change = run(event, **options) - response
+        small = np.sqrt(np.mean(change**2, axis=1)) <= most  # False for NaN
+        return np.where(small.all(), change, 0.0)
+
+    return changed
 
 
 def _passed(changed: _Run, event: Playback, inputs: _Inputs, channels: tuple[str, ...]) -> _Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -155,7 +155,8 @@ class PlantSimulator(Simulator):
         measurement may differ by less.) The level from which the simulation starts is a mean of noisy samples
         (`Observation.level_std`). And the voltage is not known between its samples, nor is the integration exact:
         where another interpolation or half the step changes the nominal response by more than noise does, that
-        change counts as uncertain (`Observation.extra`).
+        change counts as uncertain (`Observation.extra`). `quantified` adds what passes through the device where other
+        parameters give it another operating point.
 
         Parameters
         ----------
@@ -287,10 +288,10 @@ class PlantSimulator(Simulator):
     def quantified(self, observation: Observation, theta: ArrayLike) -> Observation:
         """Uncertainty of a recording if `theta` are the true parameters; see `Simulator.quantified`."""
 
-        def run(event: Playback, **options: Any) -> NDArray[np.float64]:
-            return self._run(theta, event, **options).values[0]
+        def run_of(values: ArrayLike) -> Callable[..., NDArray[np.float64]]:
+            return lambda event, **options: self._run(values, event, **options).values[0]
 
-        return quantified(observation, run, self.step)
+        return quantified(observation, run_of(theta), self.step, run_of(self.parameters.nominal))
 
     def _values(self, theta: NDArray[np.float64], event: Playback) -> dict[str, NDArray[np.float64]]:
         """All constants, parameters and the operating point by name, each of shape (n,)."""

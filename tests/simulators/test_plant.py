@@ -139,6 +139,34 @@ def test_noise_of_injected_signals_leaves_the_device_as_predicted():
     assert found[0, late:].mean() > found[0, :2].mean()
 
 
+def test_more_noise_passes_at_another_operating_point():
+    """A recorded Q that is wrong by an offset hides current, and what the noise of V makes of Q grows with it."""
+    sigma = 1e-3
+    event = replace(dip(stop=3.0), noise={"V": sigma})
+    simulator = plant("pv_plant", event).extend("offset_Q")
+    nominal = simulator.parameters.nominal
+    theta = nominal.copy()
+    theta[simulator.parameters.index("offset_Q.b")] = -0.3  # the plant gives 0.45 pu instead of 0.15
+    rng = np.random.default_rng(0)
+    moved = [
+        replace(event, signals={**event.signals, "V": v})
+        for v in event.signals["V"] + sigma * rng.standard_normal((80, 180))
+    ]
+    counted, passed = (
+        np.std([simulator.simulate(values, e).values[0][:, 5:55] for e in moved], axis=(0, 2))
+        for values in (nominal, theta)
+    )
+    y = simulator.simulate(theta).values[0]
+    observation = Observation(event, y, counted, simulator.channels, simulator.units)
+    seen = simulator.quantified(observation, theta)
+    predicted = np.sqrt(counted**2 + np.mean(seen.extra[:, 5:55] ** 2, axis=1))
+    assert passed[1] > 2 * counted[1]
+    np.testing.assert_allclose(predicted, passed, rtol=0.15)
+    # what passes at the nominal values is in the noise already
+    at_nominal = simulator.quantified(observation, nominal).extra[:, 5:55]
+    assert np.all(np.sqrt(np.mean(at_nominal**2, axis=1)) < 0.1 * counted)
+
+
 def test_a_refined_simulator_differs_only_by_its_step():
     base = plant("pv_plant", step=0.004)
     fine = base.refined(4)
