@@ -21,6 +21,8 @@ _FORM = 0.02
 _FORM_OF_TWO = 0.003
 #: a second effect that explains less than this is the form of the first one, a limit that is harder or softer
 _TRACE = 0.001
+#: two effects of which one explains nearly all must leave at most this part of what that one alone leaves
+_LEFT_BY_TWO = 0.5
 #: hypotheses whose χ² differ by less than this predict the same
 _SAME = 1.0
 #: half width of intervals for 90 % in standard deviations
@@ -124,12 +126,20 @@ def _exact(found: Competition) -> list[Cause]:
 
 
 def _form_alone(found: Competition, causes: list[Cause]) -> bool:
-    """Whether two effects are named of which one leaves only a trace: the other makes up for the form of the first."""
+    """Whether two effects are named of which one leaves only a trace: the other makes up for the form of the first.
+
+    Or nearly all, and the other does not mend that: the two passed for noise by luck.
+    """
     first = max(causes, key=lambda c: c.probability)
-    alone = [
-        _explained(found, h) for h in found.hypotheses if h.effects and h.name in first.name.split(" + ")
-    ]
-    return " + " in first.name and max(alone, default=0.0) > 1.0 - _TRACE
+    if " + " not in first.name:
+        return False
+    left = found.remainders[first.name].excess
+    for h in found.hypotheses:
+        if h.name in first.name.split(" + "):
+            explained, alone = _explained(found, h), found.remainders[h.name].excess
+            if explained > 1.0 - _TRACE or (explained > 1.0 - _FORM and left > _LEFT_BY_TWO * alone):
+                return True
+    return False
 
 
 def _of_a_kind(found: Competition) -> list[Cause]:

@@ -136,3 +136,15 @@ def test_a_trace_of_a_second_effect_is_the_form_of_the_first(left, name):
     )
     assert causes[0].name == name
     assert causes[0].exact == (name != "exciter")
+
+
+@pytest.mark.parametrize(("pair", "name"), [(14.0, "exciter"), (4.0, "exciter + governor")])
+def test_a_second_effect_that_mends_little_passes_for_noise_by_luck(pair, name):
+    causes = rank_causes(
+        competition(
+            ((), 1000.0, 0.001, -500.0),
+            ((EXCITER,), 15.0, 0.001, -40.0),
+            ((EXCITER, GOVERNOR), pair, 0.005, -36.0),
+        )
+    )
+    assert causes[0].name == name
