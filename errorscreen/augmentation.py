@@ -33,7 +33,9 @@ from errorscreen.simulators.base import Simulator, Status
 _LEAST = 1e-3
 #: deviation of the logarithm below which a sensitivity is the same everywhere
 _CONSTANT = 1e-9
-#: layers, batch and most passes of the regression; it stops where a tenth of the samples is not predicted better
+#: fewest samples to learn from, and how many are enough to set a tenth aside
+_FEWEST, _ENOUGH = 10, 100
+#: layers, batch and most passes of the regression; it stops where the tenth set aside is not predicted better
 _LAYERS, _BATCH, _PASSES = (256, 256), 128, 60
 #: simulations at a time
 _ROWS = 1024
@@ -83,15 +85,15 @@ class LabelRegressor(BaseEstimator):
         Raises
         ------
         InputError
-            If there are fewer than 20 samples, or their labels do not fit or are not finite.
+            If there are fewer than 10 samples, or their labels do not fit or are not finite.
         """
         theta = self.space.validate(X)
         labels = np.asarray(y, dtype=float)
-        if labels.shape != theta.shape or len(labels) < 20 or not np.all(np.isfinite(labels)):
+        if labels.shape != theta.shape or len(labels) < _FEWEST or not np.all(np.isfinite(labels)):
             raise InputError(
                 f"labels have shape {labels.shape}, and {np.isfinite(labels).sum()} of them are finite",
                 where="LabelRegressor",
-                allowed=f"finite labels of shape {theta.shape}, of at least 20 samples",
+                allowed=f"finite labels of shape {theta.shape}, of at least {_FEWEST} samples",
             )
         deviation = self.space.deviation(theta)
         # a parameter at its nominal value contributes nothing, which says nothing about its sensitivity
@@ -100,11 +102,9 @@ class LabelRegressor(BaseEstimator):
         mean = sensitivity.sum(axis=0) / np.maximum(known.sum(axis=0), 1)
         self.least_ = np.where(mean > 0, _LEAST * mean, 1.0)
         logs = np.log(np.where(known, sensitivity, mean) + self.least_)
-        self.offset_, self.scale_ = logs.mean(axis=0), logs.std(axis=0)
-        targets = np.divide(
-            logs - self.offset_, self.scale_, out=np.zeros_like(logs), where=self.scale_ > _CONSTANT
-        )
-        self.scale_ = np.where(self.scale_ > _CONSTANT, self.scale_, 0.0)
+        self.offset_, scale = logs.mean(axis=0), logs.std(axis=0)
+        self.scale_ = np.where(scale > _CONSTANT, scale, 0.0)
+        targets = np.divide(logs - self.offset_, scale, out=np.zeros_like(logs), where=self.scale_ > 0)
         seed = int(generator(self.random_state).integers(2**31))
         regressor = MLPRegressor(
             hidden_layer_sizes=_LAYERS,
@@ -112,7 +112,7 @@ class LabelRegressor(BaseEstimator):
             batch_size=min(_BATCH, len(theta) // 2),
             learning_rate_init=2e-3,
             max_iter=_PASSES,
-            early_stopping=True,
+            early_stopping=len(theta) >= _ENOUGH,
             n_iter_no_change=5,
             random_state=seed,
         )

@@ -76,13 +76,19 @@ def test_a_parameter_without_effect_stays_without(plant, exact):
     np.testing.assert_array_equal(model.predict(data.theta)[:, 2], 0.0)
 
 
+def test_a_few_samples_are_enough_to_begin_with(plant, exact):
+    larger = enlarge_dataset(exact.take(np.arange(20)), plant, 5, random_state=0)
+    assert len(larger) == 25
+    assert larger.metadata["regression"]["label_error"] > 0
+
+
 def test_what_cannot_be_used_is_an_input_error(plant, exact):
     other = PlantSimulator("dfig_plant", demo_recordings(random_state=0)[0])
     with pytest.raises(InputError, match="the simulator's 15 parameters"):
         enlarge_dataset(exact, other, 10)
     with pytest.raises(InputError, match="n_samples"):
         enlarge_dataset(exact, plant, -1)
-    with pytest.raises(InputError, match="at least 20 samples"):
+    with pytest.raises(InputError, match="at least 10 samples"):
         LabelRegressor(plant.parameters).fit(exact.theta[:5], exact.contributions[:5])
     with pytest.raises(InputError, match="finite labels"):
         LabelRegressor(plant.parameters).fit(exact.theta, np.full_like(exact.contributions, np.nan))

@@ -70,8 +70,8 @@ class ErrorWhitener(TransformerMixin, BaseEstimator):
     >>> strength = rng.normal(size=(400, 2)) * [100.0, 1.0]
     >>> errors = (strength @ [np.sin(6 * t), np.sin(7 * t)])[:, None]
     >>> white = ErrorWhitener(noise=0.1).fit(errors)
-    >>> print((white.gains_[:2] / white.gains_[0]).round())
-    [ 1. 56.]
+    >>> bool(white.gains_[1] > 100 * white.gains_[0])
+    True
     """
 
     def __init__(
