@@ -196,9 +196,9 @@ class ScreeningSection(Section):
     samples: Annotated[int, Field(ge=20)] = Field(default=600, description="cnn: simulations it learns from")
     epochs: Count = Field(default=60, description="cnn: most passes over them")
     frequencies: Annotated[int, Field(ge=8)] = Field(
-        default=64, description="cnn: height of the time-frequency images"
+        default=16, description="cnn: height of the time-frequency images"
     )
-    columns: Annotated[int, Field(ge=8)] = Field(default=256, description="cnn: width of the images")
+    columns: Annotated[int, Field(ge=8)] = Field(default=32, description="cnn: width of the images")
     top_k: Count | None = Field(default=None, description="how many parameters are selected")
     threshold: Annotated[float, Field(gt=0, le=1)] | None = Field(
         default=None,
