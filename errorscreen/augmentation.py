@@ -25,6 +25,7 @@ from sklearn.utils.validation import check_is_fitted
 from errorscreen.datasets import ErrorDataset
 from errorscreen.events import Event
 from errorscreen.exceptions import InputError, check_integer
+from errorscreen.generation import batch_length
 from errorscreen.parameters import ParameterSpace
 from errorscreen.sampling import generator, latin_hypercube
 from errorscreen.simulators.base import Simulator, Status
@@ -37,8 +38,6 @@ _CONSTANT = 1e-9
 _FEWEST, _ENOUGH = 10, 100
 #: layers, batch and most passes of the regression; it stops where the tenth set aside is not predicted better
 _LAYERS, _BATCH, _PASSES = (256, 256), 128, 60
-#: simulations at a time
-_ROWS = 1024
 
 
 class LabelRegressor(BaseEstimator):
@@ -186,15 +185,10 @@ def enlarge_dataset(
     if not n_samples:
         return dataset
     rng = generator(random_state)
-    exact = dataset.valid()
-    model = LabelRegressor(space, random_state=int(rng.integers(2**31)))
-    unseen = rng.permutation(len(exact)) < len(exact) // 10
-    model.fit(exact.theta[~unseen], exact.contributions[~unseen])
-    labels = exact.contributions[unseen]
-    counted = labels > 0
-    error = np.abs(model.predict(exact.theta[unseen]) - labels)[counted] / labels[counted]
+    model, label_error = _regression(dataset.valid(), space, rng)
     theta = latin_hypercube(space, n_samples, rng)
-    blocks = [theta[start : start + _ROWS] for start in range(0, n_samples, _ROWS)]
+    rows = batch_length(simulator, event)
+    blocks = [theta[start : start + rows] for start in range(0, n_samples, rows)]
     found = Parallel(n_jobs=n_jobs)(delayed(simulator.simulate)(block, event) for block in blocks)
     status = np.concatenate([r.status for r in found])
     contributions = np.where((status == Status.OK)[:, None], model.predict(theta), np.nan)
@@ -208,5 +202,18 @@ def enlarge_dataset(
         dataset.channels,
         dataset.time,
         dataset.event,
-        {**dataset.metadata, "regression": {"samples": n_samples, "label_error": float(np.median(error))}},
+        {**dataset.metadata, "regression": {"samples": n_samples, "label_error": label_error}},
     )
+
+
+def _regression(
+    exact: ErrorDataset, space: ParameterSpace, rng: np.random.Generator
+) -> tuple[LabelRegressor, float]:
+    """Regression of the labels, and its median relative error on a tenth of the samples that it has not seen."""
+    model = LabelRegressor(space, random_state=int(rng.integers(2**31)))
+    unseen = rng.permutation(len(exact)) < len(exact) // 10
+    model.fit(exact.theta[~unseen], exact.contributions[~unseen])
+    labels = exact.contributions[unseen]
+    counted = labels > 0
+    error = np.abs(model.predict(exact.theta[unseen]) - labels)[counted] / labels[counted]
+    return model, float(np.median(error))

@@ -164,11 +164,15 @@ def contribution_labels(
     return np.asarray(simulator.parameters.deviation(theta) * np.concatenate(found))
 
 
-def _batch_rows(simulator: Simulator, event: Event, batch_size: int = 1024) -> int:
-    """Return how many samples `local_sensitivity` should take at a time: about `batch_size` simulations, or 128 MB."""
+def batch_length(simulator: Simulator, event: Event, batch_size: int = 1024) -> int:
+    """Return how many simulations should go to a simulator at a time: at most `batch_size`, or about 128 MB."""
     response_bytes = len(simulator.channels) * len(event.time) * np.dtype(float).itemsize
-    simulations = min(batch_size, _BATCH_BYTES // (_COPIES * response_bytes))
-    return max(1, simulations // (len(simulator.parameters) + 1))
+    return max(1, min(batch_size, _BATCH_BYTES // (_COPIES * response_bytes)))
+
+
+def _batch_rows(simulator: Simulator, event: Event, batch_size: int = 1024) -> int:
+    """Return how many samples `local_sensitivity` should take at a time."""
+    return max(1, batch_length(simulator, event, batch_size) // (len(simulator.parameters) + 1))
 
 
 def generate_dataset(

@@ -201,16 +201,15 @@ def run_draw(
     Returns
     -------
     dict of str to ndarray
-        ``theta``, ``label`` (m,): the truth; ``contributions`` (rankings, m) and ``overlap`` (rankings,) with the label
-        of the calibration event, ``overlap_three`` that of the attribution on three events with their mean label;
-        ``expected_overlap`` (2,), what the attribution expects of itself on one event and on three;
+        ``theta``, ``label`` (m,): the truth; ``contributions`` (rankings, m) and ``overlap`` (rankings,) with the
+        label of the calibration event, ``overlap_three`` that of the attribution on three events with their mean
+        label; ``expected_overlap`` (2,), what the attribution expects of itself on one event and on three;
         ``calibrated`` (fits, m); ``before`` (events, R) and ``errors`` (fits, events, R), equation (23) against the
         true response; ``measured_before`` (R,) and ``measured`` (fits, R), the same on the calibration event against
         the recording; ``chi2`` and ``objective`` (2, 2), χ²/N and χ² + prior of the fit of all parameters and at the
-        truth, on one event and on three; ``covered`` and
-        ``identifiable`` (2, m), ``converged`` and ``starts`` (2,) of these two fits; ``simulations`` and
-        ``seconds`` (fits, 2), of ranking and of calibration. The order is that of `RANKINGS`, `CALIBRATED` and
-        `Setting.events`.
+        truth, on one event and on three; ``covered`` and ``identifiable`` (2, m), ``converged`` and ``starts`` (2,)
+        of these two fits; ``simulations`` and ``seconds`` (fits, 2), of ranking and of calibration. The order is that
+        of `RANKINGS`, `CALIBRATED` and `Setting.events`.
     """
     simulator = setting.simulator
     found = hidden(setting, draw, step_errors, setting.events)

@@ -33,9 +33,8 @@ from errorscreen.simulators.observations import as_observations
 
 #: smallest strength that is drawn, in multiples of the largest
 _LEAST = 0.05
-#: rows and columns of the images, and epochs, of the default network: coarser than for parameters alone, because
-#: effects differ by more, and there are more samples
-_IMAGE, _EPOCHS = (32, 64), 20
+#: epochs of the default network: fewer than for parameters alone, because there are more samples
+_EPOCHS = 20
 
 
 def effect_dataset(
@@ -238,8 +237,6 @@ class FirstLook(BaseEstimator):
         if self.estimator is not None:
             return clone(self.estimator)
         return contribution_pipeline(dt, seed).set_params(
-            cwttransformer__n_frequencies=_IMAGE[0],
-            cwttransformer__n_columns=_IMAGE[1],
             cnncontributionregressor__max_epochs=_EPOCHS,
             cnncontributionregressor__verbose=self.progress,
         )
