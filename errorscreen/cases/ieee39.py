@@ -11,6 +11,8 @@ that what is observed at bus 2 feels them:
 - the DFIG plant at bus 37, behind bus 25, at the sending end of the observed line. Its reactive-power limit binds;
 - the synchronous machine at bus 38, behind bus 29 and bus 26.
 
+They deliver 0.6, 0.7 and 0.8 of their ratings, which follow from that (`PLANTS`).
+
 The other seven units are two-axis machines without controllers (`errorscreen.power.FixedMachine`), because the paper
 leaves them unchanged, and so that what is seen comes from the plants under test; their damping power per speed
 deviation is 0.2 of their starting time, about that of the machine under test. Loads are constant impedances.

@@ -1,7 +1,8 @@
 """The three devices written a second time, independently: scalar, with branches, for an adaptive solver.
 
 Only the textbook equations are shared with the package, not its code: complex phasors instead of the closed-form
-stator, ``math`` and ``if`` instead of the vector functions.
+stator, ``math`` and ``if`` instead of the vector functions. In a grid the power is that of the network's solution and
+given with the slope.
 """
 
 import cmath
@@ -47,10 +48,10 @@ class Machine:
         s = vdq * complex(i_d, i_q).conjugate()
         return s.real, s.imag
 
-    def slope(self, x, voltage):
+    def slope(self, x, voltage, power=None):
         p = self.p
         (i_d, i_q), _ = self.currents(x, voltage)
-        electrical = self.power(x, voltage)[0] + p["Ra"] * (i_d**2 + i_q**2)
+        electrical = (power or self.power(x, voltage))[0] + p["Ra"] * (i_d**2 + i_q**2)
         return [
             2 * math.pi * p["f0"] * (x[1] - 1),
             (self.pm - electrical - p["D"] * (x[1] - 1)) / p["Tj"],
@@ -69,10 +70,10 @@ class PV:
     def power(self, x, voltage):
         return abs(voltage) * x[5], abs(voltage) * x[6]
 
-    def slope(self, x, voltage):
+    def slope(self, x, voltage, power=None):
         p, V = self.p, abs(voltage)
         vf, qf, energy, xdc, xq, ip, iq = x
-        power, reactive = V * ip, V * iq
+        active, reactive = power or (V * ip, V * iq)
         depth = limited((p["V_LV"] - vf) / p["dV_LV"], 0, 1)
         w = 3 * depth**2 - 2 * depth**3
         vdc = math.sqrt(energy)
@@ -89,7 +90,7 @@ class PV:
         return [
             (V - vf) / p["Tm"],
             (reactive - qf) / p["Tq"],
-            2 * (array - power) / p["Cdc"],
+            2 * (array - active) / p["Cdc"],
             (1 - w) * p["KIdc"] * (vdc - 1) - leak(xdc, 0, p["Imax"], p["Taw"]),
             (1 - w) * p["KIQ"] * (self.Q0 - qf) - leak(xq, -p["Imax"], p["Imax"], p["Taw"]),
             min((want_p - ip) / p["Tg"], p["RIp"]),
@@ -110,17 +111,17 @@ class DFIG:
         V = abs(voltage)
         return V * x[10], V * (x[6] - V) / self.p["Xpp"]
 
-    def slope(self, x, voltage):
+    def slope(self, x, voltage, power=None):
         p, V = self.p, abs(voltage)
         theta, vf, ff, xv, vref, ecmd, epp, xT, pord, xw, ip, wr = x
-        P, Q = self.power(x, voltage)
+        P, Q = power or self.power(x, voltage)
         d_theta = p["KPLL"] * math.sin(cmath.phase(voltage) - theta)
         df = d_theta / (2 * math.pi * p["f0"])
         qcmd = limited(p["KPV"] * (self.V0 - vf) + limited(xv, p["Qmin"], p["Qmax"]), p["Qmin"], p["Qmax"])
         low, high = V - p["Xpp"] * p["Iqmax"], V + p["Xpp"] * p["Iqmax"]
         torque = limited(p["KPT"] * (wr - p["wr0"]) + limited(xT, 0, p["Tmax"]), 0, p["Tmax"])
-        u = max(0.0, -ff - p["dbwi"])
-        boost = limited(p["KWI"] * (u - xw), 0, p["Pwimax"])
+        u = max(0.0, -ff - p["dbwi"]) - max(0.0, ff - p["dbwih"])
+        boost = limited(p["KWI"] * (u - xw), p["Pwimin"], p["Pwimax"])
         factor = 1 - (1 - p["apcFd"]) * limited((ff - p["fc"]) / (p["fd"] - p["fc"]), 0, 1)
         ceiling = p["Ipmax"] * limited((vf - p["zerox"]) / (p["brkpt"] - p["zerox"]), 0, 1)
         want = limited((factor * pord + boost) / max(V, 0.05), 0, ceiling)

@@ -15,6 +15,7 @@ from errorscreen.recordings import Recording
 from errorscreen.simulators import PowerSystemSimulator, Status, Unit
 from errorscreen.testing import check_effect, check_simulator
 from tests.plants import random_rows
+from tests.power.grid_reference import trajectory
 
 TIME = np.arange(301) * 0.01
 FAULT = BusFault(TIME, "fault", 0.5, bus=3, duration=0.1, impedance=0.05j)
@@ -64,6 +65,17 @@ def test_reference_path_agrees_bit_for_bit():
     assert np.array_equal(
         system(event).simulate(theta).values, system(event, engine="numpy").simulate(theta).values
     )
+
+
+@pytest.mark.parametrize("row", [0, 1])
+def test_trajectory_agrees_with_an_independent_form(row):
+    simulator = system(step=5e-4)
+    theta = np.vstack([simulator.parameters.nominal, random_rows(simulator, 1)])[row]
+    found = simulator.simulate(theta).require_ok().values[0]
+    expected = trajectory(simulator, theta, FAULT)
+    assert np.isnan(expected[0]).sum() == 4  # both ends, and the two instants of the fault
+    assert np.ptp(found, axis=1).min() > 0.5
+    assert np.nanmax(np.abs(found - expected)) < 1e-5
 
 
 def test_parameters_move_nothing_before_the_event_and_something_behind_it():
