@@ -8,38 +8,20 @@ from pathlib import Path
 
 import numpy as np
 from sklearn.dummy import DummyRegressor
-from sklearn.pipeline import make_pipeline
 
 from errorscreen.augmentation import enlarge_dataset
 from errorscreen.bench import Effort
-from errorscreen.bench.paper import study_pipeline
+from errorscreen.bench.paper import study_screener
 from errorscreen.bench.paper_draw import FIT_EVENTS, STEP, TOP, noise_of
 from errorscreen.cases import ieee39_events, load_ieee39
-from errorscreen.features import ChannelScaler, CWTTransformer
 from errorscreen.generation import generate_dataset
 from errorscreen.metrics import top_k_overlap
 from errorscreen.persistence import write_text_atomic
-from errorscreen.regressors import CNNContributionRegressor
-from errorscreen.screening import ContributionScreener
 
 TABLE = Path(__file__).resolve().parents[1] / "docs" / "tables" / "learning_curve.md"
 SAMPLES, TEST, EPOCHS, NOISE_DB = (2500, 10000, 20000), 1000, 20, 40.0
 SEED = 2026
-PUBLISHED, STUDY = "energies, 64 × 256 (the paper's)", "energies and coefficients, 16 × 32"
-
-
-def as_published(dt, epochs):
-    """The paper's form: energies alone, 64 x 256, one scale for each channel."""
-    return make_pipeline(
-        CWTTransformer(sampling_period=dt, precision=15, n_jobs=-1),
-        ChannelScaler(),
-        CNNContributionRegressor(max_epochs=epochs, random_state=SEED),
-    )
-
-
-def as_studied(dt, epochs):
-    """What `errorscreen bench paper` takes."""
-    return study_pipeline(dt, SEED, epochs)
+IMAGES = {"published": "energies, 64 × 256 (the paper's)", "whitened": "energies and coefficients, 16 × 32"}
 
 
 def main(out, sizes):
@@ -59,16 +41,14 @@ def main(out, sizes):
         "|---|---|---|---|---|---|",
         f"| | | mean label, whatever the error | | | {top_k_overlap(test.contributions, blind, TOP):.3f} |",
     ]
-    runs = [(train, sizes[0], PUBLISHED, as_published, False), (train, most, STUDY, as_studied, False)]
-    runs += [(train, n, STUDY, as_studied, True) for n in sizes]
-    runs += [(larger, len(larger), STUDY, as_studied, True)]
-    for data, n, images, pipeline, whiten in runs:
+    runs = [(train, sizes[0], "published", False), (train, most, "whitened", False)]
+    runs += [(train, n, "whitened", True) for n in sizes]
+    runs += [(larger, len(larger), "whitened", True)]
+    for data, n, network, whiten in runs:
         epochs = effort.epochs if data is larger else EPOCHS
         for noise_db in (None, NOISE_DB):
             noise = None if noise_db is None else noise_of(train.baseline, event, noise_db)
-            screener = ContributionScreener(
-                pipeline(event.dt, epochs), noise=noise, whiten=whiten, random_state=SEED
-            )
+            screener = study_screener(network, event.dt, noise, SEED, epochs).set_params(whiten=whiten)
             screener.fit(data.errors[:n], data.contributions[:n])
             errors = test.errors
             if noise is not None:
@@ -77,7 +57,9 @@ def main(out, sizes):
             found = top_k_overlap(test.contributions, screener.predict(errors), TOP)
             level = "none" if noise_db is None else f"{noise_db:g} dB"
             more = effort.enlarged if data is larger else ""
-            lines.append(f"| {n} | {more} | {images} | {'yes' if whiten else 'no'} | {level} | {found:.3f} |")
+            lines.append(
+                f"| {n} | {more} | {IMAGES[network]} | {'yes' if whiten else 'no'} | {level} | {found:.3f} |"
+            )
             print(lines[-1], flush=True)
     ending = f"{len(test)} test samples; {EPOCHS} epochs at most, {effort.epochs} with labels by regression."
     return "\n".join(lines) + f"\n\n{ending}\n"

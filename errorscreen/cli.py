@@ -10,6 +10,7 @@ import sys
 import tempfile
 import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -135,6 +136,11 @@ def _parser() -> argparse.ArgumentParser:
         default=None,
         help="further ones, with labels by a regression of the exact ones",
     )
+    paper.add_argument(
+        "--network",
+        default="whitened",
+        help="whitened, or published: the paper's images and number of samples (default whitened)",
+    )
     paper.add_argument("--jobs", type=int, default=-1, help="processes (default: one for each core)")
     paper.set_defaults(command=_bench_paper, default_out="errorscreen-paper", interrupted=resumable)
     found = kinds.add_parser("discovery", help="how often causes are found, on hidden scenarios")
@@ -211,21 +217,22 @@ def _bench_speed(options: argparse.Namespace, out: str) -> None:
 
 
 def _bench_paper(options: argparse.Namespace, out: str) -> None:
-    from errorscreen.bench import Effort, paper_study
+    from errorscreen.bench import effort_of, paper_study
 
     folder = _writable(Path(out))
     if options.fresh:
         shutil.rmtree(folder / "stages", ignore_errors=True)
     show = not options.quiet
     given = {"samples": options.samples, "enlarged": options.enlarged}
-    effort = Effort(**{name: value for name, value in given.items() if value is not None})
+    given = {name: value for name, value in given.items() if value is not None}
     paper_study(
         folder,
         lambda line: print(line, file=sys.stderr, flush=True) if show else None,
         draws=options.draws,
         seed=options.seed,
         noise_db=options.noise_db,
-        effort=effort,
+        network=options.network,
+        effort=replace(effort_of(options.network), **given),
         n_jobs=options.jobs,
         progress=show,
     )

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from errorscreen.bench import Effort, paper_study
-from errorscreen.bench.paper import summarise
+from errorscreen.bench import Effort, effort_of, paper_study
+from errorscreen.bench.paper import study_screener, summarise
 from errorscreen.bench.paper_draw import CALIBRATED, FIT_EVENTS, RANKINGS, Setting, hidden, step_error
 from errorscreen.bench.paper_output import typical_draw
 from errorscreen.cli import main
@@ -29,11 +29,18 @@ def test_the_result_has_the_documented_form(finished):
     assert stored["methods"] == result["methods"]
     assert set(result["methods"]) == {*RANKINGS, "map_all"}
     for name, entry in result["methods"].items():
+        assert {"overlap_at_10", "fit", "held_out", "simulations", "seconds"} <= set(entry)
+        assert (entry["overlap_at_10"] is None) == (name == "map_all")
         for part in ("fit", "fit_measured", "held_out"):
             for channel in "UP":
                 assert entry[part][channel]["p10"] <= entry[part][channel]["median"] <= 1.0
         assert entry["simulations"] > 0 or name == "oracle"
-    assert 0 <= result["methods"]["map_all"]["noise_floor_share"] <= 1
+    for entry in (result["methods"]["map_all"], result["methods"]["map_all"]["three_events"]):
+        floor = entry["noise_floor_share"]
+        assert floor >= entry["noise_floor_share_of_truth"]  # a fit is below the truth
+        counts = entry["coverage_by_parameter"].values()
+        assert sum(c["identifiable"] for c in counts) == pytest.approx(2 * entry["identifiable"])
+        assert 0 < entry["p90_seconds"] <= entry["largest_seconds"]
     assert {*FIT_EVENTS}.isdisjoint(result["events"]["held_out"])
     assert len(result["events"]["held_out"]) >= 3
 
@@ -134,7 +141,7 @@ def test_the_summary_counts_what_it_says():
         "simulations": np.tile([10, 100], (n, len(CALIBRATED), 1)),
         "seconds": np.tile([0.5, 2.0], (n, len(CALIBRATED), 1)),
     }
-    methods = summarise(table, seed=0)
+    methods = summarise(table, ("Xd", "H"), seed=0)
     sensitivity = methods["sensitivity"]
     assert sensitivity["overlap_at_10"] == pytest.approx(0.6)
     low, high = sensitivity["overlap_at_10_interval"]
@@ -150,6 +157,10 @@ def test_the_summary_counts_what_it_says():
     assert everything["search_share"] == pytest.approx(0.5)
     assert everything["failed"] == 0
     assert everything["coverage"] == pytest.approx(0.75)  # the second parameter is not identifiable
+    assert everything["coverage_by_parameter"] == {
+        "Xd": {"identifiable": 4, "covered": 3},
+        "H": {"identifiable": 0, "covered": 0},
+    }
     assert everything["converged_share"] == 1.0
     assert everything["three_events"]["converged_share"] == pytest.approx(0.75)
     assert everything["three_events"]["chi2_largest"] == pytest.approx(1.2)
@@ -157,6 +168,19 @@ def test_the_summary_counts_what_it_says():
     assert methods["map"]["three_events"]["overlap_at_10"] == pytest.approx(0.9)
     assert methods["map"]["three_events"]["expected_overlap_at_10"] == pytest.approx(0.95)
     assert typical_draw(table) in (1, 2)
+
+
+def test_the_network_in_the_paper_s_form_sees_energies_of_64_by_256():
+    assert effort_of("published").samples == 2500
+    assert effort_of("published").enlarged == 0
+    screener = study_screener("published", 0.01, None, 0, 1)
+    assert not screener.whiten
+    errors = np.random.default_rng(0).standard_normal((3, 2, 501))
+    images = screener.estimator.named_steps["cwttransformer"].fit(errors)
+    assert images.transform(errors).shape == (3, 2, 64, 256)
+    np.testing.assert_array_equal(
+        images.transform(errors), images.transform(-errors)
+    )  # energies have no sign
 
 
 @pytest.mark.parametrize(
@@ -170,6 +194,7 @@ def test_the_summary_counts_what_it_says():
         (["--enlarged", "-1"], "enlarged"),
         (["--seed", str(10**23)], "seed"),
         (["--jobs", "0"], "jobs"),
+        (["--network", "resnet"], "network"),
     ],
 )
 def test_wrong_options_are_named(options, message, tmp_path, capsys):
