@@ -5,26 +5,27 @@ from __future__ import annotations
 import os
 import tomllib
 from pathlib import Path
-from typing import Any, get_args, get_origin
+from types import UnionType
+from typing import Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, Field, PrivateAttr, ValidationError
 
 from errorscreen.cases.case_models import (
     CalibrationSection,
-    DeviceSection,
     DiscoverySection,
     RecordingSection,
     RunSection,
     ScreeningSection,
-    Section,
     SimulationSection,
 )
+from errorscreen.cases.model_sections import EVENTS, DeviceSection, GridSection
+from errorscreen.cases.section import Section
 from errorscreen.exceptions import InputError, check_integer, unknown_name
 from errorscreen.parameters import ParameterSpace
 from errorscreen.recordings import Recording
 
 #: Keys of [recording] that a further recording does not take over.
-_OWN = ("path", "name", "event_time", "t_start", "t_end")
+_OWN = ("path", "name", "event_time", "t_start", "t_end", "load_level", *EVENTS)
 #: What pydantic's kinds of error allow, in words.
 _ALLOWED = {
     "float_type": "a number",
@@ -61,7 +62,8 @@ class Case(Section):
     held_out: list[RecordingSection] = Field(
         default=[], description="further recordings to judge on; keys not given are those of [recording]"
     )
-    device: DeviceSection
+    device: DeviceSection | None = None
+    grid: GridSection | None = None
     simulation: SimulationSection = SimulationSection()
     screening: ScreeningSection = ScreeningSection()
     calibration: CalibrationSection = CalibrationSection()
@@ -75,24 +77,43 @@ class Case(Section):
         return self._folder
 
     def parameters(self) -> ParameterSpace:
-        """Candidate parameters of the device with this case's values and bounds.
+        """Candidate parameters of the device or grid with this case's values and bounds.
 
         Raises
         ------
         InputError
-            If the device, a parameter or a constant is unknown, a range excludes its nominal value, or more
-            parameters are to be selected than there are.
+            If there is neither device nor grid, or both, the device, a parameter or a constant is unknown, a range
+            excludes its nominal value, or more parameters are to be selected than there are.
         """
-        from errorscreen.power import DEVICES
-
-        if self.device.type not in DEVICES:
-            raise unknown_name(self.device.type, DEVICES, kind="device", where="device.type")
-        device = DEVICES[self.device.type]
-        device.constant_values(self.device.constants, in_grid=self.device.grid_impedance != 0)
-        space = self.device.apply(device.candidates)
+        if (self.device is None) == (self.grid is None):
+            found = (
+                "neither [device] nor [grid] is" if self.device is None else "[device] and [grid] are both"
+            )
+            raise InputError(f"{found} given", allowed="one of the two")
+        space = (self.device or self.grid).space()  # type: ignore[union-attr]
         if self.screening.top_k is not None:
             check_integer(self.screening.top_k, "screening.top_k", high=len(space))
         return space
+
+    def check_events(self) -> None:
+        """Refuse recordings of a grid of which nobody says what happened, and of a device of which somebody does.
+
+        Raises
+        ------
+        InputError
+            If a recording has too many or too few of `EVENTS`.
+        """
+        allowed = 0 if self.grid is None else 1
+        for number, section in enumerate((self.recording, *self.held_out)):
+            if len(section.events) != allowed:
+                where = f"held_out[{number}]" if number else "recording"
+                raise InputError(
+                    f"{' and '.join(section.events) or 'no event'} is given",
+                    where=where,
+                    allowed="an event only with [grid]"
+                    if self.grid is None
+                    else f"one of {', '.join(f'[{where}.{key}]' for key in EVENTS)}",
+                )
 
     def load_recording(self) -> Recording:
         """Read the recording; for errors see `errorscreen.io.read_csv`."""
@@ -124,6 +145,7 @@ def load_case(path: str | os.PathLike[str]) -> Case:
         case = Case.model_validate(data)
         case._folder = path.parent
         case.parameters()
+        case.check_events()
     except ValidationError as error:
         raise _explain(error, source) from None
     except InputError as error:
@@ -234,11 +256,13 @@ def _model_at(location: tuple[int | str, ...]) -> type[BaseModel]:
 
 
 def _nested(annotation: Any) -> type[BaseModel] | None:
-    """Section that an annotation holds: itself, in a list, or as the values of a table."""
+    """Section that an annotation holds: itself, in a list, as the values of a table, or perhaps not at all."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     if get_origin(annotation) in (list, dict):
         return _nested(get_args(annotation)[-1])
+    if get_origin(annotation) in (Union, UnionType):
+        return _nested(get_args(annotation)[0])
     return None
 
 
@@ -260,4 +284,6 @@ def _toml(value: Any) -> str:
         return str(value).lower()
     if isinstance(value, list):
         return "[" + ", ".join(map(_toml, value)) + "]"
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key} = {_toml(v)}" for key, v in value.items()) + "}"
     return f'"{value}"' if isinstance(value, str) else f"{value}"

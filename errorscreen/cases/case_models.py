@@ -1,25 +1,23 @@
-"""Sections of a case file: keys, meaning, defaults, allowed values."""
+"""Sections of a case file that say what was recorded and what to do with it: keys, meaning, defaults."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
+from errorscreen.cases.model_sections import (
+    EVENTS,
+    EventSection,
+    FaultSection,
+    LineTripSection,
+    LoadStepSection,
+)
+from errorscreen.cases.section import Count, Positive, Section
 from errorscreen.exceptions import InputError
 from errorscreen.io import Column, read_csv
-from errorscreen.parameters import Parameter, ParameterSpace
 from errorscreen.recordings import Recording
-
-Positive = Annotated[float, Field(gt=0)]
-Count = Annotated[int, Field(ge=1)]
-
-
-class Section(BaseModel):
-    """Base of all sections: no unknown keys, no silent conversion of types."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
 
 class ColumnSection(Section):
@@ -75,6 +73,12 @@ class RecordingSection(Section):
     decimal: Literal[".", ","] = Field(default=".", description="decimal mark")
     encoding: str = Field(default="utf-8-sig", description="of the file")
     skip_rows: Annotated[int, Field(ge=0)] = Field(default=0, description="lines above the header")
+    load_level: Positive = Field(
+        default=1.0, description="grid: factor on all loads and generators before the event"
+    )
+    fault: FaultSection | None = Field(default=None, description="grid: what happened")
+    line_trip: LineTripSection | None = Field(default=None, description="grid: what happened")
+    load_step: LoadStepSection | None = Field(default=None, description="grid: what happened")
 
     @model_validator(mode="after")
     def _some_window(self) -> RecordingSection:
@@ -84,92 +88,19 @@ class RecordingSection(Section):
             )
         return self
 
+    @property
+    def events(self) -> dict[str, EventSection]:
+        """What happened in the grid, by key; a recording of a grid needs exactly one."""
+        found = {key: getattr(self, key) for key in EVENTS}
+        return {key: section for key, section in found.items() if section is not None}
+
     def load(self, folder: Path, dt: float | None = None) -> Recording:
         """Read the window of the file and apply the shift, which resamples to `dt` seconds."""
-        direct = {"path", "columns", "shift"}
+        direct = {"path", "columns", "shift", *EVENTS, "load_level"}
         columns = {role: Column(**dict(section)) for role, section in self.columns.items()}
         options = {key: value for key, value in self if key not in direct}
         recording = read_csv(folder / self.path, columns, **options)
         return recording.resample(dt, shift=self.shift) if self.shift else recording
-
-
-class ParameterSection(Section):
-    """Changes to one candidate parameter."""
-
-    nominal: float | None = Field(
-        default=None, description="value before calibration; typical value if not given"
-    )
-    relative: Positive | None = Field(default=None, description="bounds at nominal ± this part of it")
-    lower: float | None = Field(default=None, description="lower bound")
-    upper: float | None = Field(default=None, description="upper bound")
-    scale: Positive | None = Field(default=None, description="size of a change that matters, if nominal is 0")
-
-    @model_validator(mode="after")
-    def _one_kind_of_bounds(self) -> ParameterSection:
-        if self.relative is not None and (self.lower is not None or self.upper is not None):
-            raise InputError("relative and absolute bounds are both given", allowed="one kind of bounds")
-        return self
-
-    def apply(self, default: Parameter) -> dict[str, float]:
-        """Fields of a parameter that change; default bounds keep their ratio to the nominal value."""
-        nominal = default.nominal if self.nominal is None else self.nominal
-        if self.relative is not None:
-            lower, upper = nominal - self.relative * abs(nominal), nominal + self.relative * abs(nominal)
-        else:
-            ratio = nominal / default.nominal if default.nominal else 1.0
-            lower, upper = sorted((default.lower * ratio, default.upper * ratio))
-        change = {
-            "nominal": nominal,
-            "lower": lower if self.lower is None else self.lower,
-            "upper": upper if self.upper is None else self.upper,
-        }
-        return change if self.scale is None else {**change, "scale": self.scale}
-
-
-class DeviceSection(Section):
-    """The model that is compared with the recording."""
-
-    type: str = Field(description="synchronous_machine, dfig_plant or pv_plant")
-    relative: Positive | None = Field(
-        default=None, description="bounds of all candidates at nominal ± this part"
-    )
-    candidates: list[str] | None = Field(
-        default=None, description="parameters that may be wrong; all if not given"
-    )
-    parameters: dict[str, ParameterSection] = Field(default={}, description="changes to single parameters")
-    constants: dict[str, float] = Field(default={}, description="values of other constants")
-    grid_resistance: Annotated[float, Field(ge=0)] = Field(
-        default=0.0,
-        description="of the grid as the terminal sees it, in pu of the device's base: how much of the recorded voltage "
-        "the plant itself moved",
-    )
-    grid_reactance: Annotated[float, Field(ge=0)] = Field(default=0.0, description="the same, reactance")
-
-    @property
-    def grid_impedance(self) -> complex:
-        """R + jX of the grid in pu."""
-        return complex(self.grid_resistance, self.grid_reactance)
-
-    def apply(self, space: ParameterSpace) -> ParameterSpace:
-        """Candidates of this case, from those of the device.
-
-        Raises
-        ------
-        InputError
-            If a name is unknown or a range excludes its nominal value.
-        """
-        for name in (*self.parameters, *(self.candidates or ())):
-            space.index(name)
-        changes = {}
-        for parameter in space:
-            section = self.parameters.get(parameter.name, ParameterSection())
-            bounds = (section.relative, section.lower, section.upper)
-            if self.relative is not None and all(b is None for b in bounds):
-                section = section.model_copy(update={"relative": self.relative})
-            if section != ParameterSection():
-                changes[parameter.name] = section.apply(parameter)
-        out = space.replace(changes)
-        return out if self.candidates is None else out.subset(self.candidates)
 
 
 class SimulationSection(Section):

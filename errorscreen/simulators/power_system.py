@@ -233,15 +233,17 @@ class PowerSystemSimulator(Simulator):
         status = np.where(start, np.where(well, Status.OK, Status.DIVERGED), Status.NO_EQUILIBRIUM)
         return Responses(out, status.astype(np.int64), event.time, self.channels)
 
-    def observe(self, recording: Any) -> Observation:
-        """Bring a recording onto this simulator's channels and the time axis of its event.
+    def observe(self, recording: Any, event: Event | None = None) -> Observation:
+        """Bring a recording onto this simulator's channels and the time axis of what happened.
 
-        Its time stamps must count as those of `event` do: the disturbance at ``event.start``.
+        Its time stamps must count as those of the event do: the disturbance at ``event.start``.
 
         Parameters
         ----------
         recording : Recording or Observation
             Its channels have the names of this simulator's, in pu of the grid's base.
+        event : Event, optional
+            What happened, a `GridEvent`; that of this simulator where not given.
 
         Raises
         ------
@@ -267,13 +269,14 @@ class PowerSystemSimulator(Simulator):
                 raise InputError(
                     f"channel {name!r} is in {recording.channels[name].unit!r}", where=where, allowed="pu"
                 )
-        source = recording.resample(time=self.event.time)
-        values = np.full((len(self.channels), len(self.event.time)), np.nan)
+        event = self.event if event is None else event
+        source = recording.resample(time=event.time)
+        values = np.full((len(self.channels), len(event.time)), np.nan)
         noise = np.ones(len(self.channels))
         for name in found:
             r = self.channels.index(name)
             values[r], noise[r] = source.channels[name].values, source.channels[name].noise
-        event = replace(self.event, name=recording.name)
+        event = replace(event, name=recording.name)
         return Observation(event, values, noise, self.channels, self.units, tuple(source.assumptions))
 
     def _terminals(self) -> list[int]:

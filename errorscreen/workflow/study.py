@@ -11,9 +11,17 @@ from numpy.typing import NDArray
 
 import errorscreen
 from errorscreen.cases import Case
-from errorscreen.cases.case_models import CalibrationSection, DiscoverySection, RunSection, ScreeningSection
+from errorscreen.cases.case_models import (
+    CalibrationSection,
+    DiscoverySection,
+    RecordingSection,
+    RunSection,
+    ScreeningSection,
+    SimulationSection,
+)
 from errorscreen.checkpoint import digest
 from errorscreen.discovery import ChannelFit, StageError, Verdict
+from errorscreen.events import GridEvent
 from errorscreen.exceptions import InputError
 from errorscreen.generation import local_sensitivity
 from errorscreen.observations import Observation
@@ -75,16 +83,27 @@ class Study:
                 if seconds is not None:
                     where = f"recording {one.name!r}, simulation.{key}"
                     check_steps(one.time[-1] - one.time[0], seconds, where)
-        simulator = PlantSimulator(
-            case.device.type,
-            recording,
-            parameters=case.parameters(),
-            constants=case.device.constants,
-            step=case.simulation.step,
-            dt=case.simulation.dt,
-            grid_impedance=case.device.grid_impedance,
-        )
-        study = cls.of(case.title, simulator, recording, held_out, case)
+        if case.grid is not None:
+            sections = (case.recording, *case.held_out)
+            events = [
+                _grid_event(section, one, case.simulation)
+                for section, one in zip(sections, (recording, *held_out), strict=True)
+            ]
+            grid = case.grid.simulator(events[0], case.simulation.step)
+            others = tuple(grid.observe(r, e) for r, e in zip(held_out, events[1:], strict=True))
+            study = cls.of(case.title, grid, recording, others, case)
+        else:
+            assert case.device is not None  # `load_case` sees to that
+            plant = PlantSimulator(
+                case.device.type,
+                recording,
+                parameters=case.parameters(),
+                constants=case.device.constants,
+                step=case.simulation.step,
+                dt=case.simulation.dt,
+                grid_impedance=case.device.grid_impedance,
+            )
+            study = cls.of(case.title, plant, recording, held_out, case)
         return replace(study, paths=tuple(section.path for section in (case.recording, *case.held_out)))
 
     @classmethod
@@ -93,7 +112,7 @@ class Study:
         title: str,
         simulator: Simulator,
         recording: Recording,
-        held_out: tuple[Recording, ...],
+        held_out: tuple[Recording | Observation, ...],
         sections: Any,
         truth: Mapping[str, float] | None = None,
     ) -> Study:
@@ -254,6 +273,20 @@ class Outcome:
     def observations(self) -> tuple[Observation, ...]:
         """The fitted recording, then the others."""
         return (self.study.observation, *self.study.held_out)
+
+
+def _grid_event(section: RecordingSection, recording: Recording, simulation: SimulationSection) -> GridEvent:
+    """What happened in the grid, on the uniform time axis of a recording.
+
+    The start is moved to the nearest instant at which a step begins: the model's grid changes between two steps, and a
+    recorded start is not known better than that.
+    """
+    ((_, event),) = section.events.items()
+    time = recording.resample(simulation.dt).time
+    dt = time[1] - time[0]
+    step = dt / np.ceil(dt / simulation.step - 1e-9)
+    start = time[0] + step * round((recording.event_time - time[0]) / step)
+    return event.event(time, recording.name, float(start), section.load_level)
 
 
 def _check_distinct(observations: list[Observation]) -> None:

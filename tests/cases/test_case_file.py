@@ -5,8 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from errorscreen.cases.case_file import Case, case_reference, load_case
-from errorscreen.cases.case_models import ColumnSection, ParameterSection
+from errorscreen.cases.case_file import Case, _sections, case_reference, load_case
+from errorscreen.cases.case_models import ColumnSection
+from errorscreen.cases.model_sections import ParameterSection
 from errorscreen.exceptions import InputError
 from errorscreen.io import Column
 from errorscreen.parameters import Parameter
@@ -125,10 +126,10 @@ def test_the_reference_names_every_key():
     text = case_reference()
     for heading in ("[recording]", "[recording.columns.NAME]", "[device.parameters.NAME]", "[run]"):
         assert f"### `{heading}`" in text
-    for section in Case.model_fields.values():
-        for key, field in getattr(section.annotation, "model_fields", {}).items():
-            assert field.description, key
-            assert f"`{key}`" in text or f".{key}.NAME" in text
+    for title, section in _sections():
+        for key, field in section.model_fields.items():
+            assert field.description, (title, key)
+            assert any(part in text for part in (f"`{key}`", f".{key}.NAME", f".{key}]"))
 
 
 def replaced(old, new):
@@ -154,7 +155,7 @@ BAD = {
     ),
     "key at the wrong place": (
         replaced('title = "line trip"', "random_state = 3"),
-        "unknown section or key 'random_state'. Allowed: title, recording, held_out, device, simulation, "
+        "unknown section or key 'random_state'. Allowed: title, recording, held_out, device, grid, simulation, "
         "screening, calibration, discovery, run. 'random_state' belongs to [run].",
     ),
     "unknown key of a column": (
@@ -370,3 +371,83 @@ def test_a_window_that_ends_before_the_event_is_refused(tmp_path):
     case = load_case(write(tmp_path, GOOD.replace("t_end = 2.5", "t_end = 1.1\nevent_time = 1.0")))
     with pytest.raises(InputError, match="3 samples lie after the event at 1 s"):
         case.load_recording()
+
+
+GRID = """
+[recording]
+path = "a.csv"
+base_mva = 100.0
+f_nominal = 60.0
+columns.V.column = "V"
+columns.P.column = "P"
+
+[recording.fault]
+bus = 3
+duration = 0.1
+reactance = 0.02
+
+[[held_out]]
+path = "b.csv"
+load_level = 0.9
+load_step = { factor = 1.2, buses = [3, 4] }
+
+[grid]
+case = "ieee39"
+candidates = ["Xd", "Tj"]
+parameters.Xd.nominal = 1.5
+"""
+
+
+def test_a_grid_takes_the_place_of_a_device(tmp_path):
+    case = load_case(write(tmp_path, GRID))
+    assert case.device is None
+    assert case.parameters().names == ("Xd", "Tj")
+    assert case.parameters()["Xd"].nominal == 1.5
+    time = np.arange(0, 2, 0.01)
+    fault, step = (
+        section.events[key].event(time, "e", 1.0, section.load_level)
+        for section, key in ((case.recording, "fault"), (case.held_out[0], "load_step"))
+    )
+    assert (fault.bus, fault.duration, fault.impedance, fault.level) == (3, 0.1, 0.02j, 1.0)
+    assert (step.factor, step.buses, step.level, step.start) == (1.2, (3, 4), 0.9, 1.0)
+    simulator = case.grid.simulator(fault, 0.005)
+    assert simulator.channels == ("V", "P")
+    assert simulator.step == 0.005
+    trip = load_case(
+        write(
+            tmp_path, GRID.replace("load_step = { factor = 1.2, buses = [3, 4] }", "line_trip.ends = [2, 3]")
+        )
+    )
+    assert trip.held_out[0].events["line_trip"].event(time, "t", 1.0, 1.0).ends == (2, 3)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('[grid]', '[device]\ntype = "pv_plant"\n[grid]', "[device] and [grid] are both given. Allowed: one of"),
+        ('[grid]\ncase', '[run]\nout', "neither [device] nor [grid] is given. Allowed: one of the two."),
+        ("[recording.fault]", "[recording.short]", "unknown key 'short'"),
+        ("bus = 3\n", "", "[recording.fault]: key 'bus' is missing."),
+        ("reactance = 0.02", "reactance = -0.02", "fault.reactance: -0.02 was found. Allowed: a number >= 0."),
+        ("load_step =", "#", "held_out[1]: no event is given. Allowed: one of [held_out[1].fault], "),
+        ("load_level = 0.9", "line_trip.ends = [2, 3]", "held_out[1]: line_trip and load_step is given."),
+        ("load_level = 0.9", "load_level = 0.0", "held_out[1].load_level: 0.0 was found. Allowed: a number > 0."),
+        ('"ieee39"', '"ieee93"', "grid.case: unknown value 'ieee93' (did you mean 'ieee39'?)"),
+        ('"Tj"', '"Tjj"', "unknown parameter 'Tjj'"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_a_grid_is_named(tmp_path, old, new, message):
+    text = GRID.replace(old, new)
+    if "[run]" in new:
+        text = text[: text.index("candidates")]
+    assert old in GRID
+    with pytest.raises(InputError, match=re.escape(message)):
+        load_case(write(tmp_path, text))
+
+
+def test_a_device_knows_no_event_of_a_grid(tmp_path):
+    text = GOOD.replace(
+        "[recording.columns.V]", "[recording.fault]\nbus = 3\nduration = 0.1\n[recording.columns.V]"
+    )
+    with pytest.raises(InputError, match=r"recording: fault is given\. Allowed: an event only with \[grid\]"):
+        load_case(write(tmp_path, text))

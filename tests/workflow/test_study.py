@@ -1,11 +1,12 @@
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from errorscreen.bench.plant_scenarios import draw_plant_scenario
-from errorscreen.cases import load_case
+from errorscreen.cases import ieee39_events, load_case, load_ieee39
 from errorscreen.cases.case_models import (
     CalibrationSection,
     DiscoverySection,
@@ -13,6 +14,7 @@ from errorscreen.cases.case_models import (
     ScreeningSection,
 )
 from errorscreen.cases.demo import demo_recordings
+from errorscreen.exceptions import InputError
 from errorscreen.screening import RelativeThresholdSelector, TopKSelector
 from errorscreen.simulators import PlantSimulator
 from errorscreen.workflow import Study, build_result, run_study, write_outputs
@@ -74,6 +76,55 @@ def test_a_case_states_the_impedance_of_the_grid(tmp_path):
     simulator = Study.from_case(load_case(tmp_path / "case.toml")).simulator
     assert simulator.grid_impedance == 0.02 + 0.1j
     assert {"V", "angle", "P", "Q"} == set(simulator.event.signals)
+
+
+@pytest.fixture(scope="module")
+def grid_case(tmp_path_factory):
+    """Case file of the example, with recordings of a grid whose machine has a larger Xd."""
+    folder = tmp_path_factory.mktemp("grid")
+    system, events = load_ieee39(), ieee39_events()
+    theta = system.parameters.nominal.copy()
+    theta[system.parameters.index("Xd1")] *= 1.2
+    for name, file in {"fault at bus 3": "bus3", "fault at bus 16": "bus16", "line 2-3 out": "line"}.items():
+        y = system.simulate(theta, events[name]).require_ok().values[0]
+        y += np.random.default_rng(0).normal(0, 1e-3, y.shape)
+        rows = [f"{t:.2f},{u:.6f},{p:.6f}" for t, u, p in zip(events[name].time, *y, strict=True)]
+        (folder / f"{file}.csv").write_text("\n".join(["time,V,P", *rows]))
+    text = (Path(__file__).parents[2] / "examples" / "ieee39.toml").read_text()
+    (folder / "case.toml").write_text(text.replace("[grid]", '[grid]\ncandidates = ["Xd", "Xd1", "Tj"]'))
+    return folder / "case.toml"
+
+
+@pytest.mark.filterwarnings("ignore:.*P before the event is")
+def test_a_case_compares_recordings_with_a_grid(grid_case, tmp_path):
+    study = Study.from_case(load_case(grid_case))
+    fault, other, trip = (o.event for o in (study.observation, *study.held_out))
+    assert (fault.bus, fault.duration, other.bus, trip.ends) == (3, 0.1, 16, (2, 3))
+    assert [e.name for e in (fault, other, trip)] == ["bus3", "bus16", "line"]
+    assert study.simulator.channels == ("V", "P")
+    sections = {"screening": QUICK.screening, "discovery": QUICK.discovery}
+    quick = replace(study, calibration=CalibrationSection(library=16, starts=2, methods=["map"]), **sections)
+    outcome = run_study(quick, tmp_path)
+    found = dict(zip(study.simulator.parameters.names, outcome.best.theta, strict=True))
+    assert found["Xd1"] == pytest.approx(1.2 * study.simulator.parameters["Xd1"].nominal, rel=0.05)
+    for before, after in zip(outcome.fits[1:], outcome.best.fits[1:], strict=True):
+        assert all(two.E < one.E for one, two in zip(before, after, strict=True))
+    assert outcome.verdict.kind == "parameters"
+    result, report = write_outputs(outcome, tmp_path)
+    assert "PowerSystemSimulator" in result.read_text()
+    assert report.stat().st_size > 10_000
+
+
+@pytest.mark.filterwarnings("ignore:.*P before the event is")
+def test_what_happens_in_a_grid_starts_with_a_step(grid_case):
+    text = grid_case.read_text()
+    late = grid_case.with_name("late.toml")
+    late.write_text(text.replace("event_time = 1.0\n\n# the", "event_time = 1.0032\n\n# the"))
+    study = Study.from_case(load_case(late))
+    assert study.observation.event.start == pytest.approx(1.0025)
+    late.write_text(text.replace("duration = 0.1\n\n", "duration = 0.1011\n\n"))
+    with pytest.raises(InputError, match="the grid changes at 1.1011 s.*multiples of 0.0025 s"):
+        run_study(Study.from_case(load_case(late)), grid_case.parent / "out")
 
 
 def test_held_out_recordings_are_judged_on_and_not_fitted(outcome, tmp_path):
