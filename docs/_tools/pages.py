@@ -29,7 +29,9 @@ CASE_STEPS = (0.5, 5.0, 2.5, 1.0)
 #: tables that take too long for a build of the documentation, and what renews them
 MEASURED = {
     "speed": "errorscreen bench speed",
-    "paper": "errorscreen bench paper --draws 100 --noise-db 40",
+    "paper": "errorscreen bench paper --draws 100 --seed 2026 --noise-db 40",
+    "paper_without_noise": "errorscreen bench paper --draws 50 --seed 2026",  # its part above table 2
+    "ten_parameters": "python benchmarks/ten_parameters.py",
     "grid_search": "python benchmarks/grid_search.py",
     "discovery": "errorscreen bench discovery --case plant --scenarios 60 --seed 37",
     "first_look": "python benchmarks/first_look.py",

@@ -97,7 +97,7 @@ def build_result(outcome: Outcome) -> Result:
         study=StudyData(
             title=study.title,
             device=device.name if device else type(study.simulator).__name__,
-            device_title=device.title if device else "",
+            device_title=device.title if device else repr(study.simulator),
             base_mva=study.base_mva,
             f_nominal=study.f_nominal,
             parameters=len(study.simulator.parameters),
