@@ -194,12 +194,21 @@ def paper_study(
 
 
 def effort_of(network: str) -> Effort:
-    """Effort of the study with one of the two networks; the paper's learns from 2500 samples.
+    """Effort of the study with one of its two networks; the paper's learns from 2500 samples.
+
+    Parameters
+    ----------
+    network : {"whitened", "published"}
 
     Raises
     ------
     InputError
         If there is no such network.
+
+    Examples
+    --------
+    >>> effort_of("published").samples
+    2500
     """
     if network not in NETWORKS:
         raise unknown_name(network, NETWORKS, kind="network")
