@@ -94,7 +94,7 @@ def figures(table: _Table, setting: Setting, step_errors: dict[str, _Array], sho
     return drawn
 
 
-#: table 4 of the paper: another realisation of the grid, whose errors are about fifty times larger
+#: table 4 of the paper: another realisation of the grid, whose errors are tens of times larger
 _PUBLISHED_ROWS = (
     "| the paper: network | 0.05684 | 0.00833 | 85.34 % | 0.70012 | 0.06940 | 90.09 % |",
     "| the paper: sensitivity | 0.05684 | | 66.87 % | 0.70012 | | 78.43 % |",

@@ -96,23 +96,31 @@ class Case(Section):
         return space
 
     def check_events(self) -> None:
-        """Refuse recordings of a grid of which nobody says what happened, and of a device of which somebody does.
+        """Refuse recordings of a grid that do not say what happened and when, and of a device that do.
 
         Raises
         ------
         InputError
-            If a recording has too many or too few of `EVENTS`.
+            If a recording of a grid has no `event_time`, or not one of `EVENTS`, or one of a device has something of
+            that.
         """
-        allowed = 0 if self.grid is None else 1
         for number, section in enumerate((self.recording, *self.held_out)):
-            if len(section.events) != allowed:
-                where = f"held_out[{number}]" if number else "recording"
+            where, found = f"held_out[{number}]" if number else "recording", list(section.events)
+            if self.grid is None:
+                found += ["load_level"] * (section.load_level != 1.0)
+                if found:
+                    raise InputError(f"{found[0]} is given", where=where, allowed="only with [grid]")
+            elif len(found) != 1:
+                one_of = ", ".join(f"[{where}.{key}]" for key in EVENTS)
                 raise InputError(
-                    f"{' and '.join(section.events) or 'no event'} is given",
+                    f"{' and '.join(found) or 'no event'} given", where=where, allowed=f"one of {one_of}"
+                )
+            elif section.event_time is None:
+                raise InputError(
+                    "event_time is not given",
                     where=where,
-                    allowed="an event only with [grid]"
-                    if self.grid is None
-                    else f"one of {', '.join(f'[{where}.{key}]' for key in EVENTS)}",
+                    allowed="the instant of the event in s",
+                    remedy="A detected start may be a sample late, which a simulated grid would show as an error",
                 )
 
     def load_recording(self) -> Recording:

@@ -44,7 +44,9 @@ class RecordingSection(Section):
 
     path: str = Field(description="text file with one header row, relative to the case file")
     name: str | None = Field(default=None, description="for tables and plots; the file's name if not given")
-    base_mva: Positive = Field(description="base of the device in MVA, which P and Q are converted to")
+    base_mva: Positive = Field(
+        description="base of the device or grid in MVA, which P and Q are converted to"
+    )
     base_kv: Positive | None = Field(default=None, description="base voltage in kV, line to line")
     f_nominal: Positive = Field(description="nominal frequency in Hz")
     columns: dict[str, ColumnSection] = Field(

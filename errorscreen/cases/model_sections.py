@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,10 @@ from errorscreen.parameters import Parameter, ParameterSpace
 from errorscreen.power import DEVICES
 from errorscreen.simulators import PowerSystemSimulator
 
+#: instants that are moved by less, in s, are those of rounded time stamps
+_TOLD = 2e-5
+#: what a channel of that name can be
+_KINDS = {"V": "a bus", "P": "[sending, receiving] bus"}
 NotNegative = Annotated[float, Field(ge=0)]
 Pair = Annotated[list[int], Field(min_length=2, max_length=2)]
 
@@ -60,7 +64,7 @@ class CandidatesSection(Section):
     relative: Positive | None = Field(
         default=None, description="bounds of all candidates at nominal ± this part"
     )
-    candidates: list[str] | None = Field(
+    candidates: Annotated[list[str], Field(min_length=1)] | None = Field(
         default=None, description="parameters that may be wrong; all if not given"
     )
     parameters: dict[str, ParameterSection] = Field(default={}, description="changes to single parameters")
@@ -130,6 +134,13 @@ class GridSection(CandidatesSection):
         "power that arrives",
     )
 
+    @model_validator(mode="after")
+    def _kinds(self) -> GridSection:
+        for name, where in self.channels.items():
+            if name in _KINDS and isinstance(where, int) != (name == "V"):
+                raise InputError(f"channel {name} is {where}", allowed=f"{name} = {_KINDS[name]}")
+        return self
+
     def simulator(self, event: GridEvent, step: float) -> PowerSystemSimulator:
         """Simulator of the case with the candidates of this section."""
         channels = {
@@ -143,16 +154,102 @@ class GridSection(CandidatesSection):
         return self.apply(ParameterSpace(p for _, device, *_ in PLANTS for p in DEVICES[device].candidates))
 
 
+class Happening(Protocol):
+    """What a recording says about an event beside its kind."""
+
+    event_time: float | None
+    load_level: float
+
+
 class EventSection(Section):
     """What happened in a grid; the start is that of the recording's event."""
+
+    TITLE: ClassVar[str]
 
     @abstractmethod
     def event(self, time: NDArray[np.float64], name: str, start: float, level: float) -> GridEvent:
         """Event on a time axis in seconds."""
 
+    def on_steps(
+        self, time: NDArray[np.float64], name: str, recording: Happening, step: float, where: str
+    ) -> tuple[GridEvent, tuple[str, ...]]:
+        """Event whose instants are those at which steps of the model begin, and what is to be told about that.
+
+        The model's grid changes between two steps. An instant between two samples stays between them: moved onto the
+        earlier one, that sample would count as one after the change.
+
+        Parameters
+        ----------
+        time : ndarray of shape (L,)
+            Uniform, in s.
+        name : str
+        recording : Happening
+            With `event_time` and `load_level`.
+        step : float
+            Longest step in s.
+        where : str
+            For errors.
+
+        Raises
+        ------
+        InputError
+            If the event does not lie within the recording, or lasts for less than a step.
+        """
+        assert recording.event_time is not None  # `Case.check_events` sees to that
+        grid = _Steps(time, step)
+        start = grid.nearest(recording.event_time)
+        moved = [("starts", recording.event_time, start)]
+        section = self
+        duration = getattr(self, "duration", None)
+        if duration is not None:
+            end = grid.nearest(recording.event_time + duration)
+            if duration < grid.step - _TOLD or not start < end < time[-1]:
+                raise InputError(
+                    f"a duration of {duration:g} s",
+                    where=where,
+                    allowed=f"at least a step, {grid.step:g} s, and cleared before the end of the recording",
+                )
+            section = self.model_copy(update={"duration": end - start})
+            moved.append(("is cleared", recording.event_time + duration, end))
+        told = [
+            f"What happened, as stated: {type(self).TITLE}, {self._stated()}, load level {recording.load_level:g}."
+        ]
+        told += [
+            f"In the model it {what} at {at:.6g} s instead of {stated:.6g} s, where a step begins: a smaller "
+            "simulation.step comes nearer."
+            for what, stated, at in moved
+            if abs(at - stated) > _TOLD
+        ]
+        return section.event(time, name, start, recording.load_level), tuple(told)
+
+    def _stated(self) -> str:
+        return ", ".join(f"{key} {value}" for key, value in self if value is not None)
+
+
+class _Steps:
+    """Instants at which steps of a model begin, on the time axis of a recording."""
+
+    def __init__(self, time: NDArray[np.float64], step: float) -> None:
+        self.first, self.dt = float(time[0]), float(time[1] - time[0])
+        self.each = int(np.ceil(self.dt / step - 1e-9))
+        self.step = self.dt / self.each
+
+    def nearest(self, instant: float) -> float:
+        """The nearest of them that has the same samples before and after it."""
+        position = (instant - self.first) / self.dt
+        sample = round(position)
+        if abs(position - sample) * self.dt > _TOLD:
+            before = int(np.floor(position)) * self.each
+            here = min(max(round(position * self.each), before + 1), before + self.each)
+        else:
+            here = sample * self.each
+        return self.first + here * self.step
+
 
 class FaultSection(EventSection):
     """A three-phase short circuit at a bus that is cleared by itself."""
+
+    TITLE: ClassVar[str] = "fault"
 
     bus: int = Field(description="where")
     duration: Positive = Field(description="seconds until it is cleared")
@@ -170,6 +267,8 @@ class FaultSection(EventSection):
 class LineTripSection(EventSection):
     """A branch that is opened at both ends."""
 
+    TITLE: ClassVar[str] = "line trip"
+
     ends: Pair = Field(description="its two buses")
     circuit: str | None = Field(default=None, description="which one, where there are several")
 
@@ -183,8 +282,18 @@ class LineTripSection(EventSection):
 class LoadStepSection(EventSection):
     """Loads that change at once."""
 
+    TITLE: ClassVar[str] = "load step"
+
     factor: NotNegative = Field(description="on what the loads were before")
-    buses: list[int] | None = Field(default=None, description="where; all loads if not given")
+    buses: Annotated[list[int], Field(min_length=1)] | None = Field(
+        default=None, description="where; all loads if not given"
+    )
+
+    @model_validator(mode="after")
+    def _some_step(self) -> LoadStepSection:
+        if self.factor == 1.0:
+            raise InputError("a factor of 1 changes nothing", allowed="another factor")
+        return self
 
     def event(self, time: NDArray[np.float64], name: str, start: float, level: float) -> GridEvent:
         """Event on a time axis in seconds."""

@@ -11,17 +11,9 @@ from numpy.typing import NDArray
 
 import errorscreen
 from errorscreen.cases import Case
-from errorscreen.cases.case_models import (
-    CalibrationSection,
-    DiscoverySection,
-    RecordingSection,
-    RunSection,
-    ScreeningSection,
-    SimulationSection,
-)
+from errorscreen.cases.case_models import CalibrationSection, DiscoverySection, RunSection, ScreeningSection
 from errorscreen.checkpoint import digest
 from errorscreen.discovery import ChannelFit, StageError, Verdict
-from errorscreen.events import GridEvent
 from errorscreen.exceptions import InputError
 from errorscreen.generation import local_sensitivity
 from errorscreen.observations import Observation
@@ -29,6 +21,7 @@ from errorscreen.recordings import Recording
 from errorscreen.resampling import check_steps
 from errorscreen.simulators import PlantSimulator
 from errorscreen.simulators.base import Simulator
+from errorscreen.workflow.grid_recordings import observed_grid
 from errorscreen.workflow.screen import Screened
 
 
@@ -84,14 +77,10 @@ class Study:
                     where = f"recording {one.name!r}, simulation.{key}"
                     check_steps(one.time[-1] - one.time[0], seconds, where)
         if case.grid is not None:
-            sections = (case.recording, *case.held_out)
-            events = [
-                _grid_event(section, one, case.simulation)
-                for section, one in zip(sections, (recording, *held_out), strict=True)
-            ]
-            grid = case.grid.simulator(events[0], case.simulation.step)
-            others = tuple(grid.observe(r, e) for r, e in zip(held_out, events[1:], strict=True))
-            study = cls.of(case.title, grid, recording, others, case)
+            case.check_events()
+            grid, observed = observed_grid(case, case.grid, (recording, *held_out))
+            study = cls.of(case.title, grid, recording, observed[1:], case)
+            study = replace(study, observation=observed[0])
         else:
             assert case.device is not None  # `load_case` sees to that
             plant = PlantSimulator(
@@ -273,20 +262,6 @@ class Outcome:
     def observations(self) -> tuple[Observation, ...]:
         """The fitted recording, then the others."""
         return (self.study.observation, *self.study.held_out)
-
-
-def _grid_event(section: RecordingSection, recording: Recording, simulation: SimulationSection) -> GridEvent:
-    """What happened in the grid, on the uniform time axis of a recording.
-
-    The start is moved to the nearest instant at which a step begins: the model's grid changes between two steps, and a
-    recorded start is not known better than that.
-    """
-    ((_, event),) = section.events.items()
-    time = recording.resample(simulation.dt).time
-    dt = time[1] - time[0]
-    step = dt / np.ceil(dt / simulation.step - 1e-9)
-    start = time[0] + step * round((recording.event_time - time[0]) / step)
-    return event.event(time, recording.name, float(start), section.load_level)
 
 
 def _check_distinct(observations: list[Observation]) -> None:

@@ -1,13 +1,14 @@
 import re
 from dataclasses import fields
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from errorscreen.cases.case_file import Case, _sections, case_reference, load_case
 from errorscreen.cases.case_models import ColumnSection
-from errorscreen.cases.model_sections import ParameterSection
+from errorscreen.cases.model_sections import FaultSection, ParameterSection
 from errorscreen.exceptions import InputError
 from errorscreen.io import Column
 from errorscreen.parameters import Parameter
@@ -378,6 +379,7 @@ GRID = """
 path = "a.csv"
 base_mva = 100.0
 f_nominal = 60.0
+event_time = 1.0
 columns.V.column = "V"
 columns.P.column = "P"
 
@@ -388,6 +390,7 @@ reactance = 0.02
 
 [[held_out]]
 path = "b.csv"
+event_time = 1.0
 load_level = 0.9
 load_step = { factor = 1.2, buses = [3, 4] }
 
@@ -429,11 +432,17 @@ def test_a_grid_takes_the_place_of_a_device(tmp_path):
         ("[recording.fault]", "[recording.short]", "unknown key 'short'"),
         ("bus = 3\n", "", "[recording.fault]: key 'bus' is missing."),
         ("reactance = 0.02", "reactance = -0.02", "fault.reactance: -0.02 was found. Allowed: a number >= 0."),
-        ("load_step =", "#", "held_out[1]: no event is given. Allowed: one of [held_out[1].fault], "),
-        ("load_level = 0.9", "line_trip.ends = [2, 3]", "held_out[1]: line_trip and load_step is given."),
+        ("load_step =", "#", "held_out[1]: no event given. Allowed: one of [held_out[1].fault], "),
+        ("load_level = 0.9", "line_trip.ends = [2, 3]", "held_out[1]: line_trip and load_step given."),
         ("load_level = 0.9", "load_level = 0.0", "held_out[1].load_level: 0.0 was found. Allowed: a number > 0."),
         ('"ieee39"', '"ieee93"', "grid.case: unknown value 'ieee93' (did you mean 'ieee39'?)"),
         ('"Tj"', '"Tjj"', "unknown parameter 'Tjj'"),
+        ('["Xd", "Tj"]', "[]", "grid.candidates: [] was found. Allowed: at least 1 entry."),
+        ("factor = 1.2", "factor = 1.0", "load_step: a factor of 1 changes nothing. Allowed: another factor."),
+        ("buses = [3, 4]", "buses = []", "load_step.buses: [] was found. Allowed: at least 1 entry."),
+        ("event_time = 1.0\ncolumns", "columns", "recording: event_time is not given. Allowed: the instant of the"),
+        ('"ieee39"', '"ieee39"\nchannels = { V = [25, 2] }', "grid: channel V is [25, 2]. Allowed: V = a bus."),
+        ('"ieee39"', '"ieee39"\nchannels = { P = 2 }', "grid: channel P is 2. Allowed: P = [sending, receiving] bus."),
     ],
 )  # fmt: skip
 def test_what_is_wrong_with_a_grid_is_named(tmp_path, old, new, message):
@@ -446,8 +455,42 @@ def test_what_is_wrong_with_a_grid_is_named(tmp_path, old, new, message):
 
 
 def test_a_device_knows_no_event_of_a_grid(tmp_path):
-    text = GOOD.replace(
-        "[recording.columns.V]", "[recording.fault]\nbus = 3\nduration = 0.1\n[recording.columns.V]"
+    for key, line in (("fault", "fault = { bus = 3, duration = 0.1 }"), ("load_level", "load_level = 0.9")):
+        text = GOOD.replace("t_end = 2.5", f"t_end = 2.5\n{line}")
+        with pytest.raises(InputError, match=rf"recording: {key} is given\. Allowed: only with \[grid\]"):
+            load_case(write(tmp_path, text))
+
+
+@pytest.mark.parametrize(
+    ("stated", "start", "end"),
+    [
+        ((1.0, 0.1), 1.0, 1.1),
+        ((1.0005, 0.1), 1.0025, 1.1025),  # the sample at 1 s is one before the fault
+        ((1.0033, 0.0833), 1.0025, 1.0875),
+        ((1.0095, 0.1), 1.01, 1.11),
+        ((1.00000001, 0.09999999), 1.0, 1.1),  # rounded time stamps
+    ],
+)
+def test_instants_of_an_event_stay_between_their_samples(stated, start, end):
+    time = np.arange(0, 2, 0.01)
+    recording = SimpleNamespace(event_time=stated[0], load_level=1.0)
+    event, told = FaultSection(bus=3, duration=stated[1]).on_steps(time, "e", recording, 0.0025, "here")
+    assert (event.start, event.start + event.duration) == pytest.approx((start, end))
+    for instant, moved in ((stated[0], start), (sum(stated), end)):
+        samples = np.abs(time - instant) > 1e-6  # one at the instant itself counts as after it
+        assert np.array_equal(time[samples] > instant, time[samples] >= moved - 1e-9)
+    assert len(told) == 1 + (abs(stated[0] - start) > 1e-4) + (abs(sum(stated) - end) > 1e-4)
+    assert (
+        told[0]
+        == f"What happened, as stated: fault, bus 3, duration {stated[1]}, resistance 0.0, reactance 0.0, "
+        "load level 1."
     )
-    with pytest.raises(InputError, match=r"recording: fault is given\. Allowed: an event only with \[grid\]"):
-        load_case(write(tmp_path, text))
+
+
+@pytest.mark.parametrize("duration", [1e-6, 0.001, 5.0])
+def test_a_fault_lasts_for_a_step_and_is_cleared(duration):
+    time, recording = np.arange(0, 2, 0.01), SimpleNamespace(event_time=1.0, load_level=1.0)
+    with pytest.raises(
+        InputError, match=r"here: a duration of .* at least a step, 0.0025 s, and cleared before"
+    ):
+        FaultSection(bus=3, duration=duration).on_steps(time, "e", recording, 0.0025, "here")
