@@ -264,7 +264,7 @@ def test_the_number_of_jobs_does_not_matter(tmp_path):
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGINT for one child")
 def test_interrupt_keeps_what_was_finished(tmp_path):
     text = CASE.replace('["cnn", "sensitivity", "random"]', '["sensitivity", "cnn"]')
-    text = text.replace("epochs = 1", "epochs = 5000").replace("samples = 40", "samples = 400")
+    text = text.replace("samples = 40", "samples = 20000")  # so that it is still simulating when interrupted
     case = folder(tmp_path, text)
     process = subprocess.Popen(
         [sys.executable, "-m", "errorscreen", "run", case, "--out", str(tmp_path / "out")],
