@@ -3,8 +3,8 @@ Whitening, wavelet, image size and network width on the 39-bus system
 =====================================================================
 
 What four settings of the default screener do to the ranking, one at a time, on the case study with its 40 parameters.
-``python plot_ieee39_grid_search.py 2500`` takes about HALF AN HOUR on two cores and 2 GiB; without a number, a
-small search shows how it is done.
+``python plot_ieee39_grid_search.py 2500`` takes about half an hour on two cores and 2 GiB; without a number, a small
+search shows how it is done.
 """
 
 import sys
