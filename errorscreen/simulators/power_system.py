@@ -279,22 +279,6 @@ class PowerSystemSimulator(Simulator):
         event = replace(event, name=recording.name)
         return Observation(event, values, noise, self.channels, self.units, tuple(source.assumptions))
 
-    def check_event(self, event: GridEvent) -> None:
-        """Refuse an event that this grid cannot have.
-
-        Parameters
-        ----------
-        event : GridEvent
-
-        Raises
-        ------
-        InputError
-            If it names buses, branches or loads that there are not, or leaves an island.
-        SimulationError
-            If the load flow has no solution at its load level.
-        """
-        event.changes(self._flow(event).network)
-
     def _terminals(self) -> list[int]:
         """Buses of all currents, in the order of the model."""
         return [m.bus for m in self.machines] + [item.bus for item in self._items]

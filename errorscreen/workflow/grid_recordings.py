@@ -65,7 +65,7 @@ def _check_grid(simulator: PowerSystemSimulator, event: GridEvent, recording: Re
                 f"{key} is {getattr(recording, key):g}", where=where, allowed=f"{own:g}, that of the grid"
             )
     try:
-        simulator.check_event(event)
+        simulator.baseline(event)
     except ErrorscreenError as error:
         raise InputError(
             f"what happened cannot be simulated: {error}",
