@@ -36,7 +36,8 @@ class PowerSystemSimulator(Simulator):
     """Voltages and powers observed in a grid when something happens in it.
 
     The grid is reduced to the terminals of machines and units for each of its states, loads are constant impedances.
-    Every parameter vector starts at its own exact equilibrium: the load flow does not depend on the parameters.
+    Every parameter vector starts at its own exact equilibrium: the load flow does not depend on the parameters. There
+    it rests until the grid changes, so integration begins just before that; where an effect acts, it begins at once.
 
     Parameters
     ----------
@@ -211,20 +212,26 @@ class PowerSystemSimulator(Simulator):
         flow = self._flow(event)
         tables, segment = self._segments(happened, flow, h, steps, exact=happened is event)
         values, feasible = self._start(theta, flow, event, h)
+        names = self._engine.model.constants
         x0, constants = (
-            np.array([values[name] for name in names]).reshape(len(names), len(theta)).T
-            for names in (self._engine.model.states, self._engine.model.constants)
+            np.array([values[name] for name in group]).reshape(len(group), len(theta)).T
+            for group in (self._engine.model.states, names)
         )
         start = feasible & np.isfinite(x0).all(axis=1) & np.isfinite(constants).all(axis=1)
         # a measurement sees every step, and not only the instants that are compared
         distorted = any(effect.kind == "measurement" for effect in self.extensions)
         record = 1 if distorted else every
         out = np.full((len(theta), len(self.channels), steps // record + 1), np.nan)
-        if start.any():
-            out[start] = self._engine.integrate(
-                x0[start], constants[start], np.zeros((2 * steps + 1, 0)),
-                h=h, every=record, tables=tables, segment=segment,
-            )  # fmt: skip
+        # nothing moves before the event, unless an effect acts that may move things by itself
+        resting = (constants[:, [names.index(s) for s in self._engine.model.switches]] == 0).all(axis=1)
+        for rows, skipped in ((start & resting, _at_rest(segment, every)), (start & ~resting, 0)):
+            if rows.any():
+                part = self._engine.integrate(
+                    x0[rows], constants[rows], np.zeros((2 * (steps - skipped) + 1, 0)),
+                    h=h, every=record, tables=tables, segment=segment[skipped:],
+                )  # fmt: skip
+                out[rows, :, : skipped // record] = part[:, :, :1]
+                out[rows, :, skipped // record :] = part
         if distorted:
             out = measured(out, self.channels, self.extensions, values, h)[..., ::every]
         with np.errstate(invalid="ignore"):
@@ -395,3 +402,14 @@ class PowerSystemSimulator(Simulator):
         return values | start_effects(
             self._inside, values, lambda effect: of_device(effect.device), h
         ), feasible
+
+
+def _at_rest(segment: NDArray[np.int64], every: int) -> int:
+    """Steps at the beginning that need no integration: the grid is in equilibrium until it changes.
+
+    A multiple of `every`, the steps between two instants that are compared. The last of these instants before the
+    change is left, because what is recorded at the change belongs to after it. 0 where the grid never changes, so that
+    a run without any event still shows whether it stays where it is.
+    """
+    changed = segment != segment[0]
+    return max(0, (int(changed.argmax()) // every - 1) * every) if changed.any() else 0

@@ -86,6 +86,41 @@ def test_parameters_move_nothing_before_the_event_and_something_behind_it():
     assert np.ptp(y[:, :, at:], axis=0).max() > 1e-2
 
 
+class Integrated(BusFault):
+    """A fault before which the grid is replaced by itself, so that the wait for it has to be integrated."""
+
+    def changes(self, network):
+        return (float(self.time[1]), network), *super().changes(network)
+
+
+@pytest.mark.parametrize("start", [0.0, 0.01, 0.02, 0.5])
+@pytest.mark.parametrize("distorted", [False, True])
+def test_the_wait_for_an_event_is_not_integrated(start, distorted):
+    simulator = system()
+    if distorted:
+        simulator = simulator.extend("lag_U")
+    theta = random_rows(simulator, 5)
+    given = {"bus": 3, "duration": 0.1, "impedance": 0.05j}
+    quick, slow = (
+        simulator.simulate(theta, kind(TIME, "fault", start, **given)).require_ok().values
+        for kind in (BusFault, Integrated)
+    )
+    assert np.abs(quick - slow).max() < 1e-8
+    assert np.ptp(quick, axis=2).min() > 0.02
+
+
+def test_an_effect_that_may_act_before_the_event_is_integrated_from_the_start():
+    simulator = system().extend("pv_plant.oscillation")
+    theta = np.repeat(simulator.parameters.nominal[None], 2, axis=0)
+    theta[:, simulator.parameters.index("pv_plant.oscillation.A")] = 0.0, 0.1
+    theta[:, simulator.parameters.index("pv_plant.oscillation.t0")] = 0.0
+    both = simulator.simulate(theta).require_ok().values
+    before = both[:, :, : round(FAULT.start / 0.01)]
+    assert np.ptp(before[0], axis=1).max() == 0
+    assert np.ptp(before[1], axis=1).max() > 1e-3
+    assert np.array_equal(both[1:], simulator.simulate(theta[1]).values)
+
+
 def test_a_fault_that_is_cleared_at_once_or_never_felt():
     still = system().baseline(GridEvent(TIME))
     far = system().baseline(replace(FAULT, impedance=1e9))
