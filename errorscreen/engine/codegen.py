@@ -39,21 +39,21 @@ from errorscreen.engine.rk4 import correct, load, predict, store
 {compiled}
 
 
-@numba.njit(error_model="numpy", forceinline=True)
-def evaluate(b, u, j, tables, s, on):
+@numba.njit(error_model="numpy")
+def evaluate(lanes, b, u, j, tables, s, on):
 {inputs}
 {evaluate}
 
 
-@numba.njit(error_model="numpy", forceinline=True)
-def sample(b, u, j, tables, s, on):
+@numba.njit(error_model="numpy")
+def sample(lanes, b, u, j, tables, s, on):
 {inputs}
 {sample}
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def integrate(
-    x0, constants, memories, u, tables, segment, h, every, spans, active_spans, rows, switched, out, first, last
+    lanes, x0, constants, memories, u, tables, segment, h, every, spans, active_spans, rows, switched, out, first, last
 ):
     b = np.zeros({size})
     for block in range(first, last):
@@ -65,18 +65,18 @@ def integrate(
         load(b, memories, block, {lanes}, {memories})
         for step in range(segment.size):
             s = segment[step]
-            evaluate(b, u, 2 * step, tables, s, on)
-            sample(b, u, 2 * step, tables, s, on)
+            evaluate(lanes, b, u, 2 * step, tables, s, on)
+            sample(lanes, b, u, 2 * step, tables, s, on)
             if step % every == 0:
                 store(out, b, block, {lanes}, rows, step // every)
             if step + 1 == segment.size:
                 break
             predict(b, spans, active, {lanes}, {shift}, 0.5 * h, 1.0, True)
-            evaluate(b, u, 2 * step + 1, tables, s, on)
+            evaluate(lanes, b, u, 2 * step + 1, tables, s, on)
             predict(b, spans, active, {lanes}, {shift}, 0.5 * h, 2.0, False)
-            evaluate(b, u, 2 * step + 1, tables, s, on)
+            evaluate(lanes, b, u, 2 * step + 1, tables, s, on)
             predict(b, spans, active, {lanes}, {shift}, h, 2.0, False)
-            evaluate(b, u, 2 * step + 2, tables, s, on)
+            evaluate(lanes, b, u, 2 * step + 2, tables, s, on)
             correct(b, spans, active, {lanes}, {shift}, h)
 '''
 
@@ -114,7 +114,11 @@ class Layout:
 
 
 def _loop(call: Call, model: Model, layout: Layout, lanes: int, symbol: str) -> str:
-    """Source of one call over all lanes."""
+    """Source of one call over all lanes.
+
+    The number of lanes comes as an argument, or LLVM would unroll the loop before it makes vector instructions of it;
+    the product says that these leave no remainder. It is unsigned, so that no index is checked for being negative.
+    """
 
     def address(name: str) -> str:
         if name in model.inputs:
@@ -125,7 +129,7 @@ def _loop(call: Call, model: Model, layout: Layout, lanes: int, symbol: str) -> 
 
     results = ", ".join(f"r{i}" for i in range(len(call.writes)))
     comma = "," if len(call.writes) == 1 else ""
-    lines = [f"for k in range({lanes}):"]
+    lines = [f"for k in range(lanes // {lanes} * {lanes}):"]
     lines.append(f"    {results}{comma} = {symbol}({', '.join(address(name) for name in call.reads)})")
     lines += [f"    {address(name)} = r{i}" for i, name in enumerate(call.writes)]
     if call.switch:
@@ -141,7 +145,9 @@ def source(model: Model, lanes: int) -> str:
     imports = "\n".join(
         f"from {f.__module__} import {f.__qualname__} as s{i}" for i, f in enumerate(functions)
     )
-    compiled = "\n".join(f'f{i} = numba.njit(error_model="numpy")(s{i})' for i in range(len(functions)))
+    compiled = "\n".join(
+        f'f{i} = numba.njit(error_model="numpy", forceinline=True)(s{i})' for i in range(len(functions))
+    )
     loops: dict[bool, list[str]] = {False: [], True: []}
     for call in model.calls:
         loops[call.each_step].append(_loop(call, model, layout, lanes, symbol[call.function]))

@@ -1,7 +1,7 @@
 """Runs a model: compiled in lanes, compiled one by one, or in NumPy; all three agree bit for bit.
 
-Lanes: 32 simulations lie side by side in memory and the inner loop over them becomes vector instructions (with 16,
-LLVM unrolls the loop instead and leaves equations with many divisions scalar: the DFIG plant took 1.5 times as long).
+Lanes: 32 simulations lie side by side in memory and the inner loop over them becomes vector instructions; 16 of a model
+so large that 32 would fill the processor's nearest caches, which also leaves fewer of them unused in small batches.
 Below four simulations the scalar kernel (one lane) is faster.
 """
 
@@ -19,6 +19,8 @@ from errorscreen.engine.stages import Model
 from errorscreen.exceptions import InputError
 
 LANES = 32
+#: quantities of a model above which half as many lanes are used
+LARGE = 512
 SCALAR_BELOW = 4
 #: most blocks of a task: a thread that was held up leaves the rest to the others
 _BLOCKS_PER_TASK = 4
@@ -101,8 +103,8 @@ class Engine:
             A simulation that diverges holds values that are not finite.
         """
         n = len(x0)
-        lanes = 1 if n < SCALAR_BELOW else LANES
         model, layout = self.model, self.layout
+        lanes = 1 if n < SCALAR_BELOW else LANES if layout.size <= LARGE else LANES // 2
         order = [model.states.index(name) for name in layout.states]
         memories = np.zeros((n, len(model.memories))) if memories is None else memories
         blocks = -(-n // lanes)
@@ -112,6 +114,7 @@ class Engine:
         tables, segment = _segments(model, len(u) // 2, tables, segment)
         out = np.full((n, len(model.outputs), (len(u) // 2) // every + 1), np.nan)
         arguments = (
+            np.uint64(lanes),
             np.ascontiguousarray(x0[:, order]),
             np.ascontiguousarray(constants, dtype=float),
             np.ascontiguousarray(memories, dtype=float),
