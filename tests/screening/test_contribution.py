@@ -64,8 +64,12 @@ def test_scikit_learn_contract(estimator, check):
 def test_ranks_better_than_what_needs_no_network():
     errors, contributions = dataset(600, 1)
     test_errors, test_contributions = dataset(300, 2)
-    screener = ContributionScreener(small_pipeline()).fit(errors, contributions)
-    overlap = top_k_overlap(test_contributions, screener.predict(test_errors), k=3)
+    overlaps = []
+    for seed in range(4):  # one network varies by 0.01, also with the processor and its number of threads
+        pipeline = small_pipeline().set_params(cnncontributionregressor__random_state=seed)
+        screener = ContributionScreener(pipeline).fit(errors, contributions)
+        overlaps.append(top_k_overlap(test_contributions, screener.predict(test_errors), k=3))
+    overlap = np.mean(overlaps)
     mean = np.tile(contributions.mean(axis=0), (300, 1))
     ridge = RidgeCV(np.logspace(-6, 2, 9)).fit(errors.reshape(600, -1), contributions)
     linear = ridge.predict(test_errors.reshape(300, -1))
