@@ -104,7 +104,7 @@ class Engine:
         """
         n = len(x0)
         model, layout = self.model, self.layout
-        lanes = 1 if n < SCALAR_BELOW else LANES if layout.size <= LARGE else LANES // 2
+        lanes = self._lanes(n)
         order = [model.states.index(name) for name in layout.states]
         memories = np.zeros((n, len(model.memories))) if memories is None else memories
         blocks = -(-n // lanes)
@@ -129,16 +129,25 @@ class Engine:
             on,
             out,
         )
-        kernel = self._kernel(lanes)
+        self._run(self._kernel(lanes), arguments, blocks)
+        return out
+
+    def _lanes(self, n: int) -> int:
+        """Lanes for a batch of `n` simulations."""
+        if n < SCALAR_BELOW:
+            return 1
+        return LANES // 2 if self.layout.size > LARGE else LANES
+
+    def _run(self, kernel: Any, arguments: tuple[Any, ...], blocks: int) -> None:
+        """Share the blocks between threads."""
         threads = min(self.n_threads or numba.config.NUMBA_NUM_THREADS, blocks)
-        share = min(_BLOCKS_PER_TASK, -(-blocks // threads))
-        tasks = [(b, min(b + share, blocks)) for b in range(0, blocks, share)]
         if threads <= 1:
             kernel(*arguments, 0, blocks)
-        else:  # the kernel releases the interpreter lock
-            with ThreadPoolExecutor(threads) as pool:
-                list(pool.map(lambda task: kernel(*arguments, *task), tasks))
-        return out
+            return
+        share = min(_BLOCKS_PER_TASK, -(-blocks // threads))
+        tasks = [(b, min(b + share, blocks)) for b in range(0, blocks, share)]
+        with ThreadPoolExecutor(threads) as pool:  # the kernel releases the interpreter lock
+            list(pool.map(lambda task: kernel(*arguments, *task), tasks))
 
     def _any_in_block(
         self, constants: NDArray[np.float64], names: tuple[str, ...], blocks: int, lanes: int

@@ -23,6 +23,7 @@ from errorscreen.power.reduction import ReducedNetwork, reduce_network
 from errorscreen.recordings import Recording
 from errorscreen.simulators.assembly import INSIDE, check_ports, measured, start_effects, switched_off
 from errorscreen.simulators.base import Responses, Simulator, Status
+from errorscreen.simulators.event_tables import steps_at_rest, tables_in_time
 from errorscreen.simulators.grid_assembly import GridModel, grid_effects, machine_prefix, qualified
 from errorscreen.simulators.grid_unit import LoadUnderTest, Unit, at_rest
 
@@ -210,7 +211,14 @@ class PowerSystemSimulator(Simulator):
         every = max(1, int(np.ceil(event.dt / self.step - 1e-9)))
         h, steps = event.dt / every, every * (len(event.time) - 1)
         flow = self._flow(event)
-        tables, segment = self._segments(happened, flow, h, steps, exact=happened is event)
+        tables, segment = tables_in_time(
+            happened,
+            flow.network,
+            lambda network: self._grid.table(self._reduced(flow, network)),
+            h,
+            steps,
+            exact=happened is event,
+        )
         values, feasible = self._start(theta, flow, event, h)
         names = self._engine.model.constants
         x0, constants = (
@@ -223,8 +231,10 @@ class PowerSystemSimulator(Simulator):
         record = 1 if distorted else every
         out = np.full((len(theta), len(self.channels), steps // record + 1), np.nan)
         # nothing moves before the event, unless an effect acts that may move things by itself
-        resting = (constants[:, [names.index(s) for s in self._engine.model.switches]] == 0).all(axis=1)
-        for rows, skipped in ((start & resting, _at_rest(segment, every)), (start & ~resting, 0)):
+        wait = steps_at_rest(segment, every)
+        acting = (constants[:, [names.index(s) for s in self._engine.model.switches]] != 0).any(axis=1)
+        resting = ~acting & (wait > 0)
+        for rows, skipped in ((start & resting, wait), (start & ~resting, 0)):
             if rows.any():
                 part = self._engine.integrate(
                     x0[rows], constants[rows], np.zeros((2 * (steps - skipped) + 1, 0)),
@@ -327,38 +337,6 @@ class PowerSystemSimulator(Simulator):
             self._flows[event.level] = solve_load_flow(network)
         return self._flows[event.level]
 
-    def _segments(
-        self, event: GridEvent, flow: LoadFlow, h: float, steps: int, *, exact: bool
-    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Tables of each state of the grid, and which holds in each step.
-
-        Where instants need not be exact, the step in which the grid changes has the mean of both tables, weighted by
-        time: an instant that is estimated must act smoothly.
-        """
-        segment = np.zeros(steps + 1, dtype=np.int64)
-        tables = [self._grid.table(self._reduced(flow, flow.network))]
-        for instant, network in event.changes(flow.network):
-            position = (instant - event.time[0]) / h
-            first = round(position)
-            if exact and abs(first - position) > 1e-6:
-                raise InputError(
-                    f"the grid changes at {instant:g} s",
-                    where=event.name,
-                    allowed=f"multiples of {h:g} s after {event.time[0]:g} s",
-                    remedy="Move the instant, or choose another step",
-                )
-            before, after = tables[-1], self._grid.table(self._reduced(flow, network))
-            if abs(first - position) > 1e-6:
-                first = int(np.floor(position))
-                share = position - first
-                if 0 <= first <= steps:
-                    segment[first] = len(tables)
-                tables.append(share * before + (1 - share) * after)
-                first += 1
-            segment[max(first, 0) :] = len(tables)
-            tables.append(after)
-        return np.array(tables), segment
-
     def _reduced(self, flow: LoadFlow, network: Network) -> ReducedNetwork:
         """One state of the grid, seen from the terminals."""
         return reduce_network(
@@ -402,14 +380,3 @@ class PowerSystemSimulator(Simulator):
         return values | start_effects(
             self._inside, values, lambda effect: of_device(effect.device), h
         ), feasible
-
-
-def _at_rest(segment: NDArray[np.int64], every: int) -> int:
-    """Steps at the beginning that need no integration: the grid is in equilibrium until it changes.
-
-    A multiple of `every`, the steps between two instants that are compared. The last of these instants before the
-    change is left, because what is recorded at the change belongs to after it. 0 where the grid never changes, so that
-    a run without any event still shows whether it stays where it is.
-    """
-    changed = segment != segment[0]
-    return max(0, (int(changed.argmax()) // every - 1) * every) if changed.any() else 0

@@ -12,7 +12,7 @@ from errorscreen.power.elements import Branch, Bus, Generator, Load
 from errorscreen.power.network import Network
 from errorscreen.power.two_axis_fixed import FixedMachine
 from errorscreen.recordings import Recording
-from errorscreen.simulators import PowerSystemSimulator, Status, Unit
+from errorscreen.simulators import PowerSystemSimulator, Status, Unit, power_system
 from errorscreen.testing import check_effect, check_simulator
 from tests.plants import random_rows
 from tests.power.grid_reference import trajectory
@@ -86,26 +86,21 @@ def test_parameters_move_nothing_before_the_event_and_something_behind_it():
     assert np.ptp(y[:, :, at:], axis=0).max() > 1e-2
 
 
-class Integrated(BusFault):
-    """A fault before which the grid is replaced by itself, so that the wait for it has to be integrated."""
-
-    def changes(self, network):
-        return (float(self.time[1]), network), *super().changes(network)
-
-
-@pytest.mark.parametrize("start", [0.0, 0.01, 0.02, 0.5])
-@pytest.mark.parametrize("distorted", [False, True])
-def test_the_wait_for_an_event_is_not_integrated(start, distorted):
+@pytest.mark.parametrize("start", [-0.05, 0.0, 0.01, 0.02, 0.5])
+@pytest.mark.parametrize("effects", [(), ("lag_U",), ("fault_duration",)], ids=str)
+def test_the_wait_for_an_event_is_not_integrated(start, effects, monkeypatch):
     simulator = system()
-    if distorted:
-        simulator = simulator.extend("lag_U")
+    for name in effects:
+        simulator = simulator.extend(name)
     theta = random_rows(simulator, 5)
-    given = {"bus": 3, "duration": 0.1, "impedance": 0.05j}
-    quick, slow = (
-        simulator.simulate(theta, kind(TIME, "fault", start, **given)).require_ok().values
-        for kind in (BusFault, Integrated)
-    )
-    assert np.abs(quick - slow).max() < 1e-8
+    event = replace(FAULT, start=start)
+    quick = simulator.simulate(theta, event).require_ok().values
+    monkeypatch.setattr(power_system, "steps_at_rest", lambda segment, every: 0)
+    whole = simulator.simulate(theta, event).require_ok().values
+    assert np.abs(quick - whole).max() < 1e-8
+    if start < 0.02:  # there is nothing to leave out
+        assert np.array_equal(quick, whole)
+    assert np.ptp(quick[:, :, : max(1, round(start / 0.01) - 1)], axis=2).max() == 0
     assert np.ptp(quick, axis=2).min() > 0.02
 
 

@@ -1,0 +1,96 @@
+"""States of a grid in the course of an event: their tables, and which of them holds in each step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from errorscreen.events import GridEvent
+from errorscreen.exceptions import InputError
+from errorscreen.power.network import Network
+
+
+def tables_in_time(
+    event: GridEvent,
+    network: Network,
+    table: Callable[[Network], NDArray[np.float64]],
+    h: float,
+    steps: int,
+    *,
+    exact: bool,
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Tables of each state of the grid, that before the event first, and which holds in each step.
+
+    Where instants need not be exact, the step in which the grid changes has the mean of both tables, weighted by
+    time: an instant that is estimated must act smoothly.
+
+    Parameters
+    ----------
+    event : GridEvent
+    network : Network
+        Before the event.
+    table : callable
+        Table of one state of the grid.
+    h : float
+        Step in seconds.
+    steps : int
+    exact : bool
+        Whether each change must fall on a step.
+
+    Returns
+    -------
+    tables : ndarray of shape (n_states, n_tables)
+    segment : ndarray of shape (steps + 1,)
+        Row of `tables` that holds throughout each step, see `Engine.integrate`.
+
+    Raises
+    ------
+    InputError
+        If an instant that must be exact is no multiple of the step.
+    """
+    segment = np.zeros(steps + 1, dtype=np.int64)
+    tables = [table(network)]
+    for instant, changed in event.changes(network):
+        position = (instant - event.time[0]) / h
+        first = round(position)
+        if exact and abs(first - position) > 1e-6:
+            raise InputError(
+                f"the grid changes at {instant:g} s",
+                where=event.name,
+                allowed=f"multiples of {h:g} s after {event.time[0]:g} s",
+                remedy="Move the instant, or choose another step",
+            )
+        before, after = tables[-1], table(changed)
+        if abs(first - position) > 1e-6:
+            first = int(np.floor(position))
+            share = position - first
+            if 0 <= first <= steps:
+                segment[first] = len(tables)
+            tables.append(share * before + (1 - share) * after)
+            first += 1
+        segment[max(first, 0) :] = len(tables)
+        tables.append(after)
+    return np.array(tables), segment
+
+
+def steps_at_rest(segment: NDArray[np.int64], every: int) -> int:
+    """Steps at the beginning that need no integration: the grid is in equilibrium until the event changes it.
+
+    A multiple of `every`, the steps between two instants that are compared. The last of these instants before the
+    change is left, because what is recorded at the change belongs to after it. 0 where the grid never changes, so that
+    a run without any event still shows whether it stays where it is.
+
+    Examples
+    --------
+    >>> steps_at_rest(np.array([0, 0, 0, 0, 1, 2]), every=2)
+    2
+
+    With a fault from the first instant on there is no rest, although nothing changes until it is cleared:
+
+    >>> steps_at_rest(np.array([1, 1, 1, 1, 2, 2]), every=1)
+    0
+    """
+    changed = segment > 0
+    return max(0, (int(changed.argmax()) // every - 1) * every) if changed.any() else 0
