@@ -12,6 +12,7 @@ of the states, of which only those with ``active`` set are advanced.
 from __future__ import annotations
 
 import numba
+import numpy as np
 
 
 @numba.njit(error_model="numpy", forceinline=True)
@@ -40,24 +41,25 @@ def predict(b, spans, active, lanes, shift, h, weight, first):
     `shift` is the number of rows between states, derivatives, start values and sums, which lie in this
     order; `first` is True at the first stage of a step, where the start value is remembered.
     """
-    size = shift * lanes
+    # unsigned: a check whether an index is negative would keep these loops from becoming vector instructions
+    size = np.uint64(shift * lanes)
     for s in range(spans.shape[0]):
         if active[s]:
-            for i in range(spans[s, 0] * lanes, spans[s, 1] * lanes):
+            for i in range(np.uint64(spans[s, 0] * lanes), np.uint64(spans[s, 1] * lanes)):
                 f = b[i + size]
                 if first:
-                    b[i + 2 * size] = b[i]
-                    b[i + 3 * size] = f
+                    b[i + size + size] = b[i]
+                    b[i + size + size + size] = f
                 else:
-                    b[i + 3 * size] += weight * f
-                b[i] = b[i + 2 * size] + h * f
+                    b[i + size + size + size] += weight * f
+                b[i] = b[i + size + size] + h * f
 
 
 @numba.njit(error_model="numpy", forceinline=True)
 def correct(b, spans, active, lanes, shift, h):
     """After the fourth evaluation: the new state."""
-    size = shift * lanes
+    size = np.uint64(shift * lanes)
     for s in range(spans.shape[0]):
         if active[s]:
-            for i in range(spans[s, 0] * lanes, spans[s, 1] * lanes):
-                b[i] = b[i + 2 * size] + h / 6.0 * (b[i + 3 * size] + b[i + size])
+            for i in range(np.uint64(spans[s, 0] * lanes), np.uint64(spans[s, 1] * lanes)):
+                b[i] = b[i + size + size] + h / 6.0 * (b[i + size + size + size] + b[i + size])
