@@ -118,6 +118,7 @@ class Competition:
         self._extend(self.base, candidates, 1)
         self._spread()
         self._eliminate()
+        self._settle()
 
     def _passes(self, remainder: Remainder) -> bool:
         return remainder.p_value > self.significance
@@ -218,8 +219,7 @@ class Competition:
         """Follow ways out of a local minimum, as long as they lead lower; with few parameters, search everywhere."""
         problem = FitProblem(hypothesis.simulator, list(hypothesis.observations), hypothesis.names)
         for _ in range(_ESCAPES):
-            starts = [] if self.is_adequate(hypothesis) else escapes(hypothesis, problem, self.seed)[:_KEPT]
-            better = self._better(hypothesis, problem, starts)
+            better = None if self.is_adequate(hypothesis) else self._out_of(hypothesis, problem)
             if better is None:
                 break
             hypothesis = better
@@ -228,6 +228,25 @@ class Competition:
             hypothesis = self._better(hypothesis, problem, [searched(problem, self.seed)]) or hypothesis
         self.n_simulations += problem.n_simulations
         return hypothesis
+
+    def _out_of(self, hypothesis: Hypothesis, problem: FitProblem) -> Hypothesis | None:
+        """Follow the most promising ways out of a local minimum once; None if they do not lead lower."""
+        return self._better(hypothesis, problem, escapes(hypothesis, problem, self.seed)[:_KEPT])
+
+    def _settle(self) -> None:
+        """Lead what will be named out of local minima, if an effect has many: its values count, not only its name."""
+        found: Hypothesis | None = max(
+            (h for h in self.adequate or self.hypotheses if h.effects),
+            key=lambda h: self.scores[h.name],
+            default=None,
+        )
+        if found is None or all(effect.minima == 1 for effect in found.effects):
+            return
+        problem = FitProblem(found.simulator, list(found.observations), found.names)
+        for _ in range(_ESCAPES):
+            if found is not None:
+                found = self._out_of(found, problem)
+        self.n_simulations += problem.n_simulations
 
     def _better(
         self, hypothesis: Hypothesis, problem: FitProblem, starts: Sequence[_Array] | _Array

@@ -16,6 +16,7 @@ from errorscreen.discovery.competition import Competition
 from errorscreen.discovery.diagnosis import Verdict, judge
 from errorscreen.discovery.gain import Gain, measure_gain
 from errorscreen.discovery.hypotheses import PRIOR, Hypothesis, parameters_only
+from errorscreen.discovery.intervals import with_profiles
 from errorscreen.discovery.latent import Place, rank_places
 from errorscreen.discovery.ranking import Group, rank_causes
 from errorscreen.discovery.remainder import Remainder, remainder_test
@@ -29,7 +30,7 @@ from errorscreen.simulators.observations import as_observations
 
 #: hypotheses at most so many times less probable than the best cannot be told from it
 _ALIKE = 20.0
-#: an effect of which a placebo is made must be less probable than this
+#: an effect of which a placebo is made must be less probable than this; intervals of others are looked at closely
 _PLACEBO = 0.05
 
 _Array = NDArray[np.float64]
@@ -175,8 +176,8 @@ class CauseFinder(BaseEstimator):
             self._count += self._calibrator.n_simulations_
         self.hypotheses_ = sorted(found.hypotheses, key=lambda h: -found.scores[h.name])
         self.remainders_, self.scores_, self.signatures_ = found.remainders, found.scores, found.signatures
-        self._count += found.n_simulations
-        self.causes_ = rank_causes(found)
+        self.causes_, count = with_profiles(rank_causes(found), found.hypotheses, _PLACEBO)
+        self._count += found.n_simulations + count
         self._choose()
         self.n_simulations_ = self._count
         return self

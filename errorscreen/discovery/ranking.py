@@ -171,8 +171,7 @@ def _cause(found: Competition, hypothesis: Hypothesis, probability: float, exact
     effects = hypothesis.effects
     kinds = {effect.kind for effect in effects}
     kind = "parameters" if not effects else "measurement" if kinds == {"measurement"} else "effect"
-    # errors of form count as noise of their size
-    width = _WIDTH if exact else _WIDTH * float(np.sqrt(max(1.0, hypothesis.chi2_per_sample)))
+    width = half_width(hypothesis, exact)
     return Cause(
         hypothesis.name,
         " and ".join(e.title for e in effects) or "Parameters of the model",
@@ -183,3 +182,8 @@ def _cause(found: Competition, hypothesis: Hypothesis, probability: float, exact
         _explained(found, hypothesis),
         exact,
     )
+
+
+def half_width(hypothesis: Hypothesis, exact: bool) -> float:
+    """Half width of intervals for 90 % in standard deviations; errors of form count as noise of their size."""
+    return _WIDTH if exact else _WIDTH * float(np.sqrt(max(1.0, hypothesis.chi2_per_sample)))

@@ -18,6 +18,8 @@ from errorscreen.sampling import generator, latin_hypercube
 
 #: values of one parameter that are tried in a search for a way out of a local minimum
 _LINE = 48
+#: and how far from where it is, on both sides, as shares of the range: a fit may have come to rest beside a cliff
+_BESIDE = np.geomspace(1e-4, 0.1, 8)
 #: values of all parameters of an effect with many minima that are tried together, for each of `SPREADS`
 _CLOUD = 48
 #: simulations with all parameters drawn together, around so many values of the effects' own
@@ -65,8 +67,10 @@ def escapes(hypothesis: Hypothesis, problem: FitProblem, random_state: Any = 0) 
             index[name] for name in map(effect.local, (p.name for p in effect.parameters)) if name in index
         ]
         for j in own:
-            rows = np.tile(u, (_LINE, 1))
-            rows[:, j] = lines[:, j]
+            beside = (upper - lower)[j] * np.concatenate([-_BESIDE, _BESIDE])
+            values = np.concatenate([lines[:, j], np.clip(u[j] + beside, lower[j], upper[j])])
+            rows = np.tile(u, (len(values), 1))
+            rows[:, j] = values
             tried.append((rows, np.array([j])))
         if effect.minima > 1:
             spread = np.repeat(SPREADS, _CLOUD)[:, None] * (upper - lower)[own]

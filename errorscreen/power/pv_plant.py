@@ -14,8 +14,8 @@ one, the current (PV12) lies along the angle of a loop (T2), and power follows f
     P_{pv} &= P_0\,[1 - k(v_{dc} - 1)^2]^+,\quad v_{dc} = \sqrt{W},\quad
     k = k_{pv}\ \text{if}\ v_{dc} > 1\ \text{else}\ 1                                       & (PV4)\\
     C_{dc}\dot W/2 &= P_{pv} - P                                                         & (PV5)\\
-    I_p^n &= K_{Pdc}(v_{dc} - 1) + x_{dc},\quad \dot x_{dc} = (1 - w) K_{Idc}(v_{dc} - 1)  & (PV6)\\
-    I_q^n &= K_{PQ}(Q_{ref} - Q_f) + x_q,\quad \dot x_q = (1 - w) K_{IQ}(Q_{ref} - Q_f)    & (PV7)\\
+    I_p^n &= K_{Pdc}(v_{dc} - 1) + x_{dc},\quad \dot x_{dc} = (1 - w)\,r\,K_{Idc}(v_{dc} - 1)  & (PV6)\\
+    I_q^n &= K_{PQ}(r Q_{ref} - Q_f) + x_q,\quad \dot x_q = (1 - w) K_{IQ}(r Q_{ref} - Q_f)    & (PV7)\\
     I_p^{LV} &= K_{1,Ip} V_f + K_{2,Ip} I_{p0} + I_{p,set}                                & (PV8)\\
     I_q^{LV} &= K_{1,Iq}(V_{LV} - V_f) + K_{2,Iq} I_{q0} + K_{Q,LV} Q_0/V_f           & (PV9)\\
     I_q^{*} &= [(1-w) I_q^n + w I_q^{LV}]_{\pm I_{max}},\quad
@@ -24,7 +24,9 @@ one, the current (PV12) lies along the angle of a loop (T2), and power follows f
     \dot I_q = \big[(I_q^* - I_q)/T_g\big]_{\pm R_{Iq}}                                     & (PV11)\\
     C &= (I_p - jI_q)\,e^{j\vartheta}                                                    & (PV12)
 
-Both commands of (PV10) are multiplied by a release that is 1; effects change it, and the priority of the limit.
+Both commands of (PV10) are multiplied by a release r that is 1; effects change it, and the priority of the limit. So
+that nothing winds up while it is less, the integral of (PV6) slows down with it and the reference of (PV7) goes with
+it.
 
 (PV3) is a cubic transition over the band :math:`\Delta V_{LV}` below the threshold instead of a hard switch, so that
 the response is differentiable in all parameters. In (PV4) the power falls steeply towards the array's open-circuit
@@ -84,16 +86,23 @@ def dc_link(W: Any, P: Any, P0: Any, kpv: Any, Cdc: Any) -> Any:
     return vdc, 2.0 * (Ppv - P) / Cdc  # (PV5)
 
 
+@stage("priority", "release")
+def conditions(Imax: Any) -> Any:
+    """Reactive current first, and nothing blocked; effects act on them."""
+    return 0.0 * Imax, 0.0 * Imax + 1.0
+
+
 @stage("Ip_n", "d_xdc", "Iq_n", "d_xq")
 def outer_loops(
-    vdc: Any, Qf: Any, w: Any, xdc: Any, xq: Any, Qref: Any,
+    vdc: Any, Qf: Any, w: Any, release: Any, xdc: Any, xq: Any, Qref: Any,
     KPdc: Any, KIdc: Any, KPQ: Any, KIQ: Any, Imax: Any, Taw: Any,
 ) -> Any:  # fmt: skip
     """Control of dc voltage and reactive power, frozen during ride-through, (PV6), (PV7)."""
     Ip_n = KPdc * (vdc - 1.0) + clip(xdc, 0.0, Imax)
-    Iq_n = KPQ * (Qref - Qf) + clip(xq, -Imax, Imax)
-    d_xdc = back_calculate(xdc, (1.0 - w) * KIdc * (vdc - 1.0), 0.0, Imax, Taw)
-    d_xq = back_calculate(xq, (1.0 - w) * KIQ * (Qref - Qf), -Imax, Imax, Taw)
+    lacking = release * Qref - Qf
+    Iq_n = KPQ * lacking + clip(xq, -Imax, Imax)
+    d_xdc = back_calculate(xdc, (1.0 - w) * release * KIdc * (vdc - 1.0), 0.0, Imax, Taw)
+    d_xq = back_calculate(xq, (1.0 - w) * KIQ * lacking, -Imax, Imax, Taw)
     return Ip_n, d_xdc, Iq_n, d_xq
 
 
@@ -106,12 +115,6 @@ def ride_through(
     Ip_LV = K1_Ip_LV * Vf + K2_Ip_LV * Ip0 + Ipset_LV
     Iq_LV = K1_Iq_LV * (V_LV - Vf) + K2_Iq_LV * Iq0 + KQ_LV * Q0 / clip(Vf, _V_MIN, 10.0)
     return Ip_LV, Iq_LV
-
-
-@stage("priority", "release")
-def conditions(Imax: Any) -> Any:
-    """Reactive current first, and nothing blocked; effects act on them."""
-    return 0.0 * Imax, 0.0 * Imax + 1.0
 
 
 @stage("Ip_cmd", "Iq_cmd")
@@ -186,9 +189,9 @@ PV_PLANT = Device(
         reference,
         measurement,
         dc_link,
+        conditions,
         outer_loops,
         ride_through,
-        conditions,
         current_limit,
         current_regulator,
     ),

@@ -39,9 +39,16 @@ def test_the_trip_of_an_inverter_and_its_return_are_named():
     names = ["trip", "cessation", "priority", "volt_var", "lag_active"]
     finder = CauseFinder(study.simulator, names, max_effects=1, random_state=0).fit(study.observation)
     assert finder.causes_[0].name == "trip"
-    found = {name: value for name, (value, _, _) in finder.causes_[0].parameters.items()}
-    # 20 s under a threshold between the voltages that were tried, 120 s away, back over some 15 s
-    assert found["trip.Tth"] == pytest.approx(20, abs=1)
-    assert found["trip.Tc"] == pytest.approx(120, abs=6)
-    assert 321.3 < found["trip.Vth"] * 350.57 < 326.2
-    assert 10 < found["trip.Tramp"] < 25
+    parameters = finder.causes_[0].parameters
+    found = {name: value for name, (value, _, _) in parameters.items()}
+    # 20 s under a threshold between the voltages that were tried, 120 s away, and back
+    assert found["trip.Tth"] == pytest.approx(20, abs=0.5)
+    assert found["trip.Tc"] == pytest.approx(121.5, abs=2.5)
+    # the ramp goes on to the current limit; the 0.96 pu that flowed before are reached after some 13 s
+    limit = finder.extended_simulator_.parameters["Imax"].nominal
+    assert 11 < 0.96 / limit * found["trip.Tramp"] < 15
+    # 321.3 V tripped it, 326.1 V did not: this is what the recording tells, and the setting of 325 V is among it
+    value, low, high = (350.57 * v for v in parameters["trip.Vth"])
+    assert low == pytest.approx(321.3, abs=0.4)
+    assert high == pytest.approx(326.1, abs=0.4)
+    assert low < value < high
