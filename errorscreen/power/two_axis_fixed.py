@@ -88,35 +88,35 @@ class FixedMachine:
         return {
             "delta": delta, "omega": 1.0, "Eq1": inner.imag, "Ed1": inner.real,
             "Efd": inner.imag + (self.Xd - self.Xd1) * own.real, "Pm": (inner * own.conjugate()).real,
-            "Xd": self.Xd, "Xd1": self.Xd1, "Xq": self.Xq, "Td10": self.Td10, "Tq10": self.Tq10,
-            "Tj": 2 * self.H, "D": self.D,
+            "Xd": self.Xd, "Xd1": self.Xd1, "Xq": self.Xq, "D": self.D,
+            # reciprocals: many machines are integrated, and a division takes as long as many products
+            "Bd1": 1 / self.Xd1, "per_Td10": 1 / self.Td10, "per_Tq10": 1 / self.Tq10, "per_Tj": 1 / (2 * self.H),
         }  # fmt: skip
 
 
 STATES = ("delta", "omega", "Eq1", "Ed1")
 
 
-@stage("Er", "Ei", "Jr", "Ji")
-def internal_source(delta: Any, Eq1: Any, Ed1: Any, Xd1: Any) -> Any:
-    """Electromotive force and the current beside the admittance, (A1)."""
+@stage("sin", "cos", "Er", "Ei", "Jr", "Ji")
+def internal_source(delta: Any, Eq1: Any, Ed1: Any, Bd1: Any) -> Any:
+    """Direction of the rotor, electromotive force and the current beside the admittance, (A1)."""
     s, c = sincos(delta)
     Er, Ei = Ed1 * s + Eq1 * c, Eq1 * s - Ed1 * c
-    return Er, Ei, Ei / Xd1, -Er / Xd1
+    return s, c, Er, Ei, Bd1 * Ei, -Bd1 * Er
 
 
 @stage("d_delta", "d_omega", "d_Eq1", "d_Ed1")
 def rotor(
-    Er: Any, Ei: Any, Vr: Any, Vi: Any, delta: Any, omega: Any, Eq1: Any, Ed1: Any, f0: Any,
-    Xd: Any, Xd1: Any, Xq: Any, Td10: Any, Tq10: Any, Tj: Any, D: Any, Efd: Any, Pm: Any,
+    sin: Any, cos: Any, Er: Any, Ei: Any, Vr: Any, Vi: Any, omega: Any, Eq1: Any, Ed1: Any, f0: Any,
+    Xd: Any, Xd1: Any, Xq: Any, Bd1: Any, per_Td10: Any, per_Tq10: Any, per_Tj: Any, D: Any, Efd: Any, Pm: Any,
 ) -> Any:  # fmt: skip
     """Swing equation and field dynamics, (A2) to (A4)."""
-    Ir, Ii = (Ei - Vi) / Xd1, (Vr - Er) / Xd1
-    s, c = sincos(delta)
-    Id, Iq = Ir * s - Ii * c, Ir * c + Ii * s
+    Ir, Ii = Bd1 * (Ei - Vi), Bd1 * (Vr - Er)
+    Id, Iq = Ir * sin - Ii * cos, Ir * cos + Ii * sin
     Pe = Er * Ir + Ei * Ii
     return (
         6.283185307179586 * f0 * (omega - 1.0),
-        (Pm - Pe - D * (omega - 1.0)) / Tj,
-        (Efd - Eq1 - (Xd - Xd1) * Id) / Td10,
-        (-Ed1 + (Xq - Xd1) * Iq) / Tq10,
+        per_Tj * (Pm - Pe - D * (omega - 1.0)),
+        per_Td10 * (Efd - Eq1 - (Xd - Xd1) * Id),
+        per_Tq10 * (-Ed1 + (Xq - Xd1) * Iq),
     )

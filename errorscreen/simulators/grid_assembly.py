@@ -119,7 +119,7 @@ class GridModel:
         self._solve()
         self._units()
         self._observe()
-        machine_constants = ("Xd", "Xd1", "Xq", "Td10", "Tq10", "Tj", "D", "Efd", "Pm")
+        machine_constants = ("Xd", "Xd1", "Xq", "D", "Bd1", "per_Td10", "per_Tq10", "per_Tj", "Efd", "Pm")
         states = [qualified(p, s) for p in self._machines for s in two_axis_fixed.STATES]
         constants = [qualified(p, c) for p in self._machines for c in machine_constants]
         for d in self.devices:

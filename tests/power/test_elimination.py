@@ -33,7 +33,7 @@ def random_values(model, rng, n=3):
     for name in v:
         if name.split(".")[-1] in {"Ra", "Xd1", "Xq1", "Xpp", "size", "Xd", "Xq"}:
             v[name] = rng.uniform(0.05, 2.0, n)
-    return v | {f"machine_{bus}.Xd1": np.full(n, x) for bus, x in FIXED.items()}
+    return v | {f"machine_{bus}.Bd1": np.full(n, 1 / x) for bus, x in FIXED.items()}
 
 
 def direct(network, v, units, i):
