@@ -41,6 +41,15 @@ def add_one(ar: Any, ai: Any, Jr: Any, Ji: Any, r: Any, x: Any) -> Any:
     return ar + (r * Jr - x * Ji), ai + (r * Ji + x * Jr)
 
 
+def add_two(
+    ar: Any, ai: Any, Jr0: Any, Ji0: Any, r0: Any, x0: Any, Jr1: Any, Ji1: Any, r1: Any, x1: Any
+) -> Any:
+    """Two terms more, (G1): one pass over the simulations instead of two."""
+    ar = ar + (r0 * Jr0 - x0 * Ji0) + (r1 * Jr1 - x1 * Ji1)
+    ai = ai + (r0 * Ji0 + x0 * Jr0) + (r1 * Ji1 + x1 * Jr1)
+    return ar, ai
+
+
 def add_three(
     ar: Any, ai: Any, Jr0: Any, Ji0: Any, r0: Any, x0: Any, Jr1: Any, Ji1: Any, r1: Any, x1: Any,
     Jr2: Any, Ji2: Any, r2: Any, x2: Any,
@@ -48,6 +57,20 @@ def add_three(
     """Three terms more, (G1): one pass over the simulations instead of three."""
     ar = ar + (r0 * Jr0 - x0 * Ji0) + (r1 * Jr1 - x1 * Ji1) + (r2 * Jr2 - x2 * Ji2)
     ai = ai + (r0 * Ji0 + x0 * Jr0) + (r1 * Ji1 + x1 * Jr1) + (r2 * Ji2 + x2 * Jr2)
+    return ar, ai
+
+
+def add_seven(
+    ar: Any, ai: Any, Jr0: Any, Ji0: Any, r0: Any, x0: Any, Jr1: Any, Ji1: Any, r1: Any, x1: Any,
+    Jr2: Any, Ji2: Any, r2: Any, x2: Any, Jr3: Any, Ji3: Any, r3: Any, x3: Any,
+    Jr4: Any, Ji4: Any, r4: Any, x4: Any, Jr5: Any, Ji5: Any, r5: Any, x5: Any,
+    Jr6: Any, Ji6: Any, r6: Any, x6: Any,
+) -> Any:  # fmt: skip
+    """Seven terms more, (G1)."""
+    ar = ar + (r0 * Jr0 - x0 * Ji0) + (r1 * Jr1 - x1 * Ji1) + (r2 * Jr2 - x2 * Ji2) + (r3 * Jr3 - x3 * Ji3)
+    ai = ai + (r0 * Ji0 + x0 * Jr0) + (r1 * Ji1 + x1 * Jr1) + (r2 * Ji2 + x2 * Jr2) + (r3 * Ji3 + x3 * Jr3)
+    ar = ar + (r4 * Jr4 - x4 * Ji4) + (r5 * Jr5 - x5 * Ji5) + (r6 * Jr6 - x6 * Ji6)
+    ai = ai + (r4 * Ji4 + x4 * Jr4) + (r5 * Ji5 + x5 * Jr5) + (r6 * Ji6 + x6 * Jr6)
     return ar, ai
 
 

@@ -28,7 +28,13 @@ from errorscreen.simulators.assembly import effect_call, effect_constants, effec
 #: quantities of the whole grid, which have no prefix
 _SHARED = ("f0",)
 #: functions that add so many terms to a sum
-_SUMS: dict[int, Equations] = {0: elimination.copy, 1: elimination.add_one, 3: elimination.add_three}
+_SUMS: dict[int, Equations] = {
+    0: elimination.copy,
+    1: elimination.add_one,
+    2: elimination.add_two,
+    3: elimination.add_three,
+    7: elimination.add_seven,
+}
 
 
 def qualified(prefix: str, name: str) -> str:
@@ -271,7 +277,7 @@ class GridModel:
             self._add(elimination.product, (*current, *_impedance(row, column)), target, each_step)
             start = target
         while terms or start != target:
-            count = 3 if len(terms) >= 3 else min(len(terms), 1)
+            count = max(n for n in _SUMS if n <= len(terms))
             function = _SUMS[count]
             reads = (n for column, *current in terms[:count] for n in (*current, *_impedance(row, column)))
             self._add(function, (*start, *reads), target, each_step)
