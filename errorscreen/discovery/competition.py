@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery.hypotheses import Hypothesis, JointFit, linearised
 from errorscreen.discovery.remainder import Remainder, remainder_test
-from errorscreen.discovery.restarts import elsewhere, escapes, searched
+from errorscreen.discovery.restarts import elsewhere, escapes, off_the_edge, searched
 from errorscreen.discovery.signatures import SignatureSearch
 from errorscreen.effects.base import Effect
 from errorscreen.exceptions import SimulationError
@@ -219,7 +219,8 @@ class Competition:
         """Follow ways out of a local minimum, as long as they lead lower; with few parameters, search everywhere."""
         problem = FitProblem(hypothesis.simulator, list(hypothesis.observations), hypothesis.names)
         for _ in range(_ESCAPES):
-            better = None if self.is_adequate(hypothesis) else self._out_of(hypothesis, problem)
+            starts = [] if self.is_adequate(hypothesis) else escapes(hypothesis, problem, self.seed)[:_KEPT]
+            better = self._better(hypothesis, problem, starts)
             if better is None:
                 break
             hypothesis = better
@@ -229,13 +230,9 @@ class Competition:
         self.n_simulations += problem.n_simulations
         return hypothesis
 
-    def _out_of(self, hypothesis: Hypothesis, problem: FitProblem) -> Hypothesis | None:
-        """Follow the most promising ways out of a local minimum once; None if they do not lead lower."""
-        return self._better(hypothesis, problem, escapes(hypothesis, problem, self.seed)[:_KEPT])
-
     def _settle(self) -> None:
         """Lead what will be named out of local minima, if an effect has many: its values count, not only its name."""
-        found: Hypothesis | None = max(
+        found = max(
             (h for h in self.adequate or self.hypotheses if h.effects),
             key=lambda h: self.scores[h.name],
             default=None,
@@ -243,9 +240,8 @@ class Competition:
         if found is None or all(effect.minima == 1 for effect in found.effects):
             return
         problem = FitProblem(found.simulator, list(found.observations), found.names)
-        for _ in range(_ESCAPES):
-            if found is not None:
-                found = self._out_of(found, problem)
+        found = self._better(found, problem, off_the_edge(found, problem, self.seed)[:_KEPT]) or found
+        self._better(found, problem, escapes(found, problem, self.seed)[:_KEPT])
         self.n_simulations += problem.n_simulations
 
     def _better(

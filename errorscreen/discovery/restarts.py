@@ -32,6 +32,10 @@ _GROWTH = (
 )  # fmt: skip
 #: individuals for each parameter, and generations, of a global search
 _CROWD, _GENERATIONS = 16, 80
+#: shares of its range by which a parameter is moved off an edge
+_OFF = (-0.01, -0.003, 0.003, 0.01)
+#: individuals that scatter around a fit by such shares of the ranges, and generations, of the search for the others
+_BESIDE_CROWD, _BESIDE_SPREADS, _BESIDE_GENERATIONS = 32, (0.3, 0.1, 0.03, 0.01), 24
 
 _Array = NDArray[np.float64]
 
@@ -171,14 +175,59 @@ def searched(problem: FitProblem, random_state: Any = 0) -> _Array:
     lower, upper = problem.scaled_bounds
 
     def objective(columns: _Array) -> _Array:
-        value = objectives(problem, columns.T)
-        return np.where(np.isfinite(value), value, np.inf)
+        return np.nan_to_num(objectives(problem, columns.T), nan=np.inf)
 
     found = differential_evolution(
         objective, list(zip(lower, upper, strict=True)), popsize=_CROWD, maxiter=_GENERATIONS, polish=False,
         vectorized=True, updating="deferred", rng=generator(random_state),
     )  # fmt: skip
     return np.asarray(found.x)
+
+
+def off_the_edge(hypothesis: Hypothesis, problem: FitProblem, random_state: Any = 0) -> _Array:
+    """Points (s, k) beside a fit, the lowest first, with the most sharply determined parameter of an effect moved.
+
+    A threshold may have come to rest on the very edge at which something happens at all, where a millionth more or less
+    changes when: this makes up for a wrong timer. So it is moved off the edge, and differential evolution searches the
+    effects' other parameters there; those of the model stay.
+
+    Parameters
+    ----------
+    hypothesis : Hypothesis
+        Fitted; with at least one effect with many minima, whose parameters are searched.
+    problem : FitProblem
+        It was fitted to.
+    random_state : None, int, SeedSequence, Generator or RandomState
+    """
+    rng = generator(random_state)
+    names = [e.local(p.name) for e in hypothesis.effects if e.minima > 1 for p in e.parameters]
+    own = np.flatnonzero(np.isin(problem.names, names))
+    lower, upper = problem.scaled_bounds
+    known = np.linalg.norm(hypothesis.jacobian[:, own], axis=0) * (upper - lower)[own]
+    sharpest = own[np.argmax(known)]
+    others = own[own != sharpest]
+    bounds = list(zip(lower[others], upper[others], strict=True))
+    spread = np.resize(_BESIDE_SPREADS, _BESIDE_CROWD)[:, None] * (upper - lower)[others]
+    found: list[tuple[float, _Array]] = []
+    for share in _OFF:
+        u = hypothesis.u.copy()
+        u[sharpest] = np.clip(
+            u[sharpest] + share * (upper - lower)[sharpest], lower[sharpest], upper[sharpest]
+        )
+
+        def objective(columns: _Array, u: _Array = u) -> _Array:
+            rows = np.tile(u, (columns.shape[1], 1))
+            rows[:, others] = columns.T
+            return np.nan_to_num(objectives(problem, rows), nan=np.inf)
+
+        crowd = np.clip(u[others] + spread * rng.standard_normal(spread.shape), lower[others], upper[others])
+        best = differential_evolution(
+            objective, bounds, init=crowd, maxiter=_BESIDE_GENERATIONS, tol=0.0, polish=False, vectorized=True,
+            updating="deferred", rng=rng,
+        )  # fmt: skip
+        u[others] = best.x
+        found.append((float(best.fun), u))
+    return np.array([u for _, u in sorted(found, key=lambda item: item[0])])
 
 
 def _values(

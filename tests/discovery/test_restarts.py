@@ -7,7 +7,8 @@ import pytest
 
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery.hypotheses import JointFit, fit_hypothesis
-from errorscreen.discovery.restarts import elsewhere, escapes, grown, searched
+from errorscreen.discovery.restarts import elsewhere, escapes, grown, off_the_edge, searched
+from errorscreen.discovery.signatures import objectives
 from errorscreen.events import InputSignal
 from errorscreen.parameters import Parameter
 from errorscreen.simulators import ODESimulator
@@ -32,6 +33,19 @@ def test_escapes_lead_lower_than_a_local_minimum(relay):
     assert ways
     free = JointFit((effect,), problem, ways[:2]).run(30)
     assert free.objective < 0.9 * stuck.objective
+
+
+def test_off_an_edge_an_effect_is_searched_and_the_model_stays(relay):
+    model, effect, observation = relay
+    problem = FitProblem(model.extend(effect), observation)
+    start = (np.array([0.55, 0.22, 0.5, 2.6, 4.0]) - problem.space.nominal) / problem.space.scales
+    stuck = JointFit((effect,), problem, start).run(30).hypothesis()
+    found = off_the_edge(stuck, problem, 0)
+    reached = objectives(problem, found)
+    assert np.all(np.diff(reached) >= 0)
+    assert reached[0] < stuck.objective - 4.0
+    assert np.array_equal(found[:, :2], np.tile(stuck.u[:2], (len(found), 1)))
+    assert np.array_equal(found, off_the_edge(stuck, problem, 0))
 
 
 def test_no_way_leads_out_of_the_lowest_minimum(spring):
