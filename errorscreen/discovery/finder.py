@@ -30,7 +30,7 @@ from errorscreen.simulators.observations import as_observations
 
 #: hypotheses at most so many times less probable than the best cannot be told from it
 _ALIKE = 20.0
-#: an effect of which a placebo is made must be less probable than this; intervals of others are looked at closely
+#: an effect of which a placebo is made must be less probable than this
 _PLACEBO = 0.05
 
 _Array = NDArray[np.float64]
@@ -176,7 +176,7 @@ class CauseFinder(BaseEstimator):
             self._count += self._calibrator.n_simulations_
         self.hypotheses_ = sorted(found.hypotheses, key=lambda h: -found.scores[h.name])
         self.remainders_, self.scores_, self.signatures_ = found.remainders, found.scores, found.signatures
-        self.causes_, count = with_profiles(rank_causes(found), found.hypotheses, _PLACEBO)
+        self.causes_, count = with_profiles(rank_causes(found), found.hypotheses)
         self._count += found.n_simulations + count
         self._choose()
         self.n_simulations_ = self._count
@@ -249,8 +249,7 @@ class CauseFinder(BaseEstimator):
 
     def _choose(self) -> None:
         """Verdict, groups and the extended simulator."""
-        by_name = {h.name: h for h in self.hypotheses_}
-        first = self.causes_[0]
+        by_name, first = {h.name: h for h in self.hypotheses_}, self.causes_[0]
         self._chosen = by_name.get(first.name, self._base)
         self.groups_ = []
         alike = [c for c in self.causes_ if c.name in by_name and c.probability * _ALIKE >= first.probability]

@@ -13,6 +13,8 @@ from errorscreen.discovery.hypotheses import PRIOR, Hypothesis
 from errorscreen.discovery.ranking import Cause, half_width
 from errorscreen.discovery.signatures import objectives, projected
 
+#: causes that are less probable are not looked at closely
+_PROBABLE = 0.05
 #: the linear model says nothing of a parameter whose standard deviation is at least this share of the prior's
 _FLAT = 0.7
 #: values tried at once on each side, and how often what lies between the last good and the first bad one is divided
@@ -23,9 +25,7 @@ _FOLLOWED = 2
 _Array = NDArray[np.float64]
 
 
-def with_profiles(
-    causes: Sequence[Cause], hypotheses: Sequence[Hypothesis], least: float
-) -> tuple[list[Cause], int]:
+def with_profiles(causes: Sequence[Cause], hypotheses: Sequence[Hypothesis]) -> tuple[list[Cause], int]:
     r"""Causes with profiled intervals for thresholds, timers and whatever the linear model says nothing of.
 
     A recording in which a voltage of 326 V does nothing and one of 321 V trips tells of the threshold that it lies
@@ -41,9 +41,7 @@ def with_profiles(
     ----------
     causes : sequence of Cause
     hypotheses : sequence of Hypothesis
-        Those that the causes stand for.
-    least : float
-        Less probable causes are left as they are.
+        Those that the causes stand for. Causes that are improbable are left as they are.
 
     Returns
     -------
@@ -53,7 +51,7 @@ def with_profiles(
     by_name = {h.name: h for h in hypotheses}
     found, count = [], 0
     for cause in causes:
-        if cause.parameters and cause.probability >= least:
+        if cause.parameters and cause.probability >= _PROBABLE:
             hypothesis = by_name[cause.name]
             parameters = dict(cause.parameters)
             for name in _in_question(hypothesis, cause):
@@ -94,8 +92,7 @@ def profile(hypothesis: Hypothesis, name: str, width: float) -> tuple[float, flo
                 break
             outside = rows[good, j]
         ends.append(inside[j])
-    k = problem.names.index(name)
-    low, high = problem.space.nominal[k] + problem.space.scales[k] * np.array(ends)
+    low, high = problem.space.nominal[j] + problem.space.scales[j] * np.array(ends)
     return float(low), float(high), problem.n_simulations
 
 

@@ -172,16 +172,10 @@ def searched(problem: FitProblem, random_state: Any = 0) -> _Array:
     problem : FitProblem
     random_state : None, int, SeedSequence, Generator or RandomState
     """
-    lower, upper = problem.scaled_bounds
-
-    def objective(columns: _Array) -> _Array:
-        return np.nan_to_num(objectives(problem, columns.T), nan=np.inf)
-
-    found = differential_evolution(
-        objective, list(zip(lower, upper, strict=True)), popsize=_CROWD, maxiter=_GENERATIONS, polish=False,
-        vectorized=True, updating="deferred", rng=generator(random_state),
-    )  # fmt: skip
-    return np.asarray(found.x)
+    moved = np.arange(len(problem.names))
+    return _evolved(
+        problem, np.zeros(len(moved)), moved, generator(random_state), popsize=_CROWD, maxiter=_GENERATIONS
+    )[1]
 
 
 def off_the_edge(hypothesis: Hypothesis, problem: FitProblem, random_state: Any = 0) -> _Array:
@@ -206,28 +200,32 @@ def off_the_edge(hypothesis: Hypothesis, problem: FitProblem, random_state: Any 
     known = np.linalg.norm(hypothesis.jacobian[:, own], axis=0) * (upper - lower)[own]
     sharpest = own[np.argmax(known)]
     others = own[own != sharpest]
-    bounds = list(zip(lower[others], upper[others], strict=True))
     spread = np.resize(_BESIDE_SPREADS, _BESIDE_CROWD)[:, None] * (upper - lower)[others]
     found: list[tuple[float, _Array]] = []
     for share in _OFF:
         u = hypothesis.u.copy()
-        u[sharpest] = np.clip(
-            u[sharpest] + share * (upper - lower)[sharpest], lower[sharpest], upper[sharpest]
-        )
-
-        def objective(columns: _Array, u: _Array = u) -> _Array:
-            rows = np.tile(u, (columns.shape[1], 1))
-            rows[:, others] = columns.T
-            return np.nan_to_num(objectives(problem, rows), nan=np.inf)
-
+        u[sharpest] += share * (upper - lower)[sharpest]
+        u = np.clip(u, lower, upper)
         crowd = np.clip(u[others] + spread * rng.standard_normal(spread.shape), lower[others], upper[others])
-        best = differential_evolution(
-            objective, bounds, init=crowd, maxiter=_BESIDE_GENERATIONS, tol=0.0, polish=False, vectorized=True,
-            updating="deferred", rng=rng,
-        )  # fmt: skip
-        u[others] = best.x
-        found.append((float(best.fun), u))
+        found.append(_evolved(problem, u, others, rng, init=crowd, maxiter=_BESIDE_GENERATIONS, tol=0.0))
     return np.array([u for _, u in sorted(found, key=lambda item: item[0])])
+
+
+def _evolved(
+    problem: FitProblem, u: _Array, moved: NDArray[np.int64], rng: np.random.Generator, **options: Any
+) -> tuple[float, _Array]:
+    """Lowest objective, and deviations (k,) there, that differential evolution of some parameters finds."""
+
+    def rows(columns: _Array) -> _Array:
+        u_ = np.tile(u, (columns.shape[1], 1))
+        u_[:, moved] = columns.T
+        return u_
+
+    found = differential_evolution(
+        lambda columns: np.nan_to_num(objectives(problem, rows(columns)), nan=np.inf),
+        problem.scaled_bounds[:, moved].T, polish=False, vectorized=True, updating="deferred", rng=rng, **options,
+    )  # fmt: skip
+    return float(found.fun), rows(found.x[:, None])[0]
 
 
 def _values(

@@ -38,7 +38,7 @@ def fitted(threshold):
 @pytest.mark.parametrize("threshold", [0.65, 0.7, 0.77])
 def test_a_threshold_lies_between_the_dip_that_did_nothing_and_the_one_that_tripped(threshold):
     hypothesis, cause = fitted(threshold)
-    (found,), count = with_profiles([cause], [hypothesis], 0.05)
+    (found,), count = with_profiles([cause], [hypothesis])
     value, low, high = found.parameters["cessation.Vth"]
     assert value == pytest.approx(threshold, abs=0.03)
     # the clock of the timer begins to run 0.005 pu above the threshold
@@ -59,4 +59,4 @@ def test_what_the_recording_tells_of_has_the_same_interval_in_both_ways():
 def test_an_improbable_cause_is_left_as_it_is():
     hypothesis, cause = fitted(0.7)
     unlikely = replace(cause, probability=0.01)
-    assert with_profiles([unlikely], [hypothesis], 0.05) == ([unlikely], 0)
+    assert with_profiles([unlikely], [hypothesis]) == ([unlikely], 0)

@@ -16,6 +16,15 @@ from tests.discovery.conftest import recorded
 from tests.simulators.models import oscillator_rhs
 
 
+@pytest.fixture
+def stuck_relay(relay):
+    """A relay fitted from where its threshold, and so all else, ends in a local minimum."""
+    model, effect, observation = relay
+    problem = FitProblem(model.extend(effect), observation)
+    start = (np.array([0.55, 0.22, 0.5, 2.6, 4.0]) - problem.space.nominal) / problem.space.scales
+    return problem, JointFit((effect,), problem, start).run(30).hypothesis()
+
+
 def test_a_relay_is_found_by_a_search_of_all_ranges(relay):
     model, effect, observation = relay
     problem = FitProblem(model.extend(effect), observation)
@@ -24,22 +33,16 @@ def test_a_relay_is_found_by_a_search_of_all_ranges(relay):
     assert np.array_equal(searched(problem, 0), searched(problem, 0))
 
 
-def test_escapes_lead_lower_than_a_local_minimum(relay):
-    model, effect, observation = relay
-    problem = FitProblem(model.extend(effect), observation)
-    start = (np.array([0.55, 0.22, 0.5, 2.6, 4.0]) - problem.space.nominal) / problem.space.scales
-    stuck = JointFit((effect,), problem, start).run(30).hypothesis()
+def test_escapes_lead_lower_than_a_local_minimum(stuck_relay):
+    problem, stuck = stuck_relay
     ways = escapes(stuck, problem)
     assert ways
-    free = JointFit((effect,), problem, ways[:2]).run(30)
+    free = JointFit(stuck.effects, problem, ways[:2]).run(30)
     assert free.objective < 0.9 * stuck.objective
 
 
-def test_off_an_edge_an_effect_is_searched_and_the_model_stays(relay):
-    model, effect, observation = relay
-    problem = FitProblem(model.extend(effect), observation)
-    start = (np.array([0.55, 0.22, 0.5, 2.6, 4.0]) - problem.space.nominal) / problem.space.scales
-    stuck = JointFit((effect,), problem, start).run(30).hypothesis()
+def test_off_an_edge_an_effect_is_searched_and_the_model_stays(stuck_relay):
+    problem, stuck = stuck_relay
     found = off_the_edge(stuck, problem, 0)
     reached = objectives(problem, found)
     assert np.all(np.diff(reached) >= 0)
@@ -57,17 +60,14 @@ def test_no_way_leads_out_of_the_lowest_minimum(spring):
         assert JointFit((effect,), problem, way).run(30).objective > best.objective - 1.0
 
 
-def test_a_fit_from_all_over_the_ranges_leaves_a_local_minimum(relay):
-    model, effect, observation = relay
-    problem = FitProblem(model.extend(effect), observation)
-    start = (np.array([0.55, 0.22, 0.5, 2.6, 4.0]) - problem.space.nominal) / problem.space.scales
-    stuck = JointFit((effect,), problem, start).run(30).hypothesis()
+def test_a_fit_from_all_over_the_ranges_leaves_a_local_minimum(stuck_relay):
+    problem, stuck = stuck_relay
     starts = elsewhere(stuck, problem, 0)
     lower, upper = problem.scaled_bounds
     assert np.all(starts >= lower)
     assert np.all(starts <= upper)
     assert np.array_equal(starts, elsewhere(stuck, problem, 0))
-    assert JointFit((effect,), problem, starts).run(30).objective < 0.9 * stuck.objective
+    assert JointFit(stuck.effects, problem, starts).run(30).objective < 0.9 * stuck.objective
 
 
 def test_without_effects_the_lowest_minimum_is_found_too(spring):
