@@ -27,7 +27,11 @@ extensions = [
 ]
 myst_enable_extensions = ["amsmath", "colon_fence", "deflist", "dollarmath", "substitution"]
 myst_heading_anchors = 3
-myst_substitutions = {"lanes": kernels.LANES, "scalar_below": kernels.SCALAR_BELOW}
+myst_substitutions = {
+    "lanes": kernels.LANES,
+    "few_lanes": kernels.FEW_LANES,
+    "small_batch": kernels.SMALL_BATCH,
+}
 default_role = "py:obj"
 add_module_names = False
 autodoc_typehints = "none"  # types and shapes stand in the docstrings

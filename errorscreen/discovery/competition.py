@@ -12,7 +12,7 @@ from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery.hypotheses import Hypothesis, JointFit, linearised
 from errorscreen.discovery.remainder import Remainder, remainder_test
 from errorscreen.discovery.restarts import elsewhere, escapes, off_the_edge, searched
-from errorscreen.discovery.signatures import SignatureSearch
+from errorscreen.discovery.signatures import SignatureSearch, projected
 from errorscreen.effects.base import Effect
 from errorscreen.exceptions import SimulationError
 from errorscreen.observations import Observation
@@ -25,8 +25,9 @@ _WORTH = 4.0
 #: effects with the best signatures, for each that is fitted to the end, whose joint fit begins; beside another effect
 #: that explains most of it, signatures say more
 _TRIED, _TRIED_BESIDE = 2, 1
-#: rounds of draws for each effect; those with the best signatures go on, so many times those whose joint fit begins
-_COARSE, _REFINED = 2, 2
+#: effects that go on to the second round of draws for their signatures and to those after it, the best for each that is
+#: fitted to the end
+_RACE = (4, 2, 1)
 #: starts that are followed and iterations at a time, starts that are kept after the first, times that those that got
 #: furthest go on
 _BEGUN, _FIRST, _KEPT, _SLICES = 3, 5, 2, 6
@@ -40,8 +41,11 @@ _PART = 0.5
 _FEW = 8
 #: a joint fit goes on while its distance from the best is less than so many times what it gained last
 _HOPE = 20.0
-#: a fit whose χ²/N is at most this is tried with a step so many times smaller
-_NEAR, _FINER = 50.0, 4
+#: a fit whose χ²/N is at most this is tried with a step so many times smaller, and fitted with it if the linear model
+#: promises to leave at most this share of what is beyond noise
+_NEAR, _FINER, _LEFT = 50.0, 4, 0.5
+#: what leaves more than this share of what parameters leave will not be named
+_NAMED = 0.1
 #: simulations of all parameters together, from which further starts of a single effect are taken: at most, and for each
 #: parameter of the model
 _MATCHES, _MATCHES_EACH = 256, 32
@@ -148,7 +152,7 @@ class Competition:
         self.tell(f"signatures of {len(others)} effects beside {base.name}")
         tried = _TRIED_BESIDE if base.effects else _TRIED
         wanted = tried * self.n_fits
-        searches = self._signatures(base, others, wanted)
+        searches = self._signatures(base, others)
         self.tell(f"joint fits of {min(wanted, len(searches))} of them")
         fitted = sorted(self._compete(base, searches[:wanted]), key=lambda h: h.objective)
         self.n_simulations += sum(search.problem.n_simulations for search in searches)
@@ -165,7 +169,7 @@ class Competition:
                 if self.adequate:
                     break
 
-    def _signatures(self, base: Hypothesis, effects: Sequence[Effect], wanted: int) -> list[SignatureSearch]:
+    def _signatures(self, base: Hypothesis, effects: Sequence[Effect]) -> list[SignatureSearch]:
         """Searches for signatures at the fitted values and at the nominal ones, the most promising first."""
         simulator, observations = base.simulator, base.observations
         points = [(base.u, base.jacobian)]
@@ -179,10 +183,11 @@ class Competition:
         for number, effect in enumerate(effects):
             seed = np.random.SeedSequence(self.seed, spawn_key=(number, len(base.effects)))
             one = SignatureSearch(simulator, observations, effect, points, self.n_draws, seed)
-            searches.append(one.run(_COARSE))
-        searches.sort(key=lambda s: s.objective)
-        for one in searches[: _REFINED * wanted]:
-            one.run()
+            searches.append(one.run(1))
+        for rounds, share in enumerate(_RACE, start=2):
+            searches.sort(key=lambda s: s.objective)
+            for one in searches[: share * self.n_fits]:
+                one.run(rounds)
         if not base.effects:
             self.signatures |= {s.effect.name: s.objective for s in searches if np.isfinite(s.objective)}
         return sorted(searches, key=lambda s: s.objective)
@@ -239,6 +244,9 @@ class Competition:
         )
         if found is None or all(effect.minima == 1 for effect in found.effects):
             return
+        whole, left = (self.remainders[h.name].excess for h in (self.base, found))
+        if not self.is_adequate(found) and left > _NAMED * whole:
+            return
         problem = FitProblem(found.simulator, list(found.observations), found.names)
         found = self._better(found, problem, off_the_edge(found, problem, self.seed)[:_KEPT]) or found
         self._better(found, problem, escapes(found, problem, self.seed)[:_KEPT])
@@ -274,6 +282,8 @@ class Competition:
         reference = self.simulator.refined(_FINER)
         fine = hypothesis.simulator.with_step_of(reference)
         observations = [fine.quantified(o, hypothesis.theta) for o in hypothesis.observations]
+        if self._promised(hypothesis, observations, reference) > _LEFT:
+            return hypothesis
         finer = self._refitted(hypothesis.effects, observations, reference, [hypothesis])
         if finer is None:
             return hypothesis
@@ -287,6 +297,19 @@ class Competition:
                 if better is not None:
                     self._keep(better, self._test(better), other)
         return finer
+
+    def _promised(
+        self, hypothesis: Hypothesis, observations: Sequence[Observation], reference: Simulator
+    ) -> float:
+        """Share of what a hypothesis leaves beyond noise that it would leave with the step of a reference, by (D2)."""
+        problem = FitProblem(
+            hypothesis.simulator.with_step_of(reference), list(observations), hypothesis.names
+        )
+        columns = np.arange(len(hypothesis.u))
+        objective = projected(problem, hypothesis.u[None], hypothesis.jacobian, columns)[0][0]
+        self.n_simulations += problem.n_simulations
+        n = len(hypothesis.residuals)
+        return float((objective - n) / max(hypothesis.objective - n, 1.0))
 
     def _spread(self) -> None:
         """Where nothing is adequate: fit what comes nearest to noise from everywhere, also each effect of it alone.

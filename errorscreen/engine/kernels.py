@@ -1,8 +1,8 @@
-"""Runs a model: compiled in lanes, compiled one by one, or in NumPy; all three agree bit for bit.
+"""Runs a model: compiled in lanes, or in NumPy; both agree bit for bit.
 
-Lanes: 32 simulations lie side by side in memory and the inner loop over them becomes vector instructions; 16 of a model
-so large that 32 would fill the processor's nearest caches, which also leaves fewer of them unused in small batches.
-Below four simulations the scalar kernel (one lane) is faster.
+Lanes: 32 simulations lie side by side in memory and the inner loop over them becomes vector instructions. Small batches
+take 8, of which fewer are left unused: a search asks for seven trial points as often as for hundreds. So does a model
+so large that 32 would fill the processor's nearest caches.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from errorscreen.engine.codegen import Layout, load_module
 from errorscreen.engine.stages import Model
 from errorscreen.exceptions import InputError
 
-LANES = 32
-#: quantities of a model above which half as many lanes are used
-LARGE = 512
-SCALAR_BELOW = 4
-#: most blocks of a task: a thread that was held up leaves the rest to the others
-_BLOCKS_PER_TASK = 4
+#: simulations side by side, and those of small batches and of large models
+LANES, FEW_LANES = 32, 8
+#: quantities of a model above which it is large, and simulations up to which a batch is small
+LARGE, SMALL_BATCH = 512, 16
+#: most simulations of a task: a thread that was held up leaves the rest to the others
+_TASK = 64
 
 
 class Engine:
@@ -129,22 +129,20 @@ class Engine:
             on,
             out,
         )
-        self._run(self._kernel(lanes), arguments, blocks)
+        self._run(self._kernel(lanes), arguments, blocks, _TASK // lanes)
         return out
 
     def _lanes(self, n: int) -> int:
         """Lanes for a batch of `n` simulations."""
-        if n < SCALAR_BELOW:
-            return 1
-        return LANES // 2 if self.layout.size > LARGE else LANES
+        return FEW_LANES if n <= SMALL_BATCH or self.layout.size > LARGE else LANES
 
-    def _run(self, kernel: Any, arguments: tuple[Any, ...], blocks: int) -> None:
-        """Share the blocks between threads."""
+    def _run(self, kernel: Any, arguments: tuple[Any, ...], blocks: int, most: int) -> None:
+        """Share the blocks between threads, at most so many in a task."""
         threads = min(self.n_threads or numba.config.NUMBA_NUM_THREADS, blocks)
         if threads <= 1:
             kernel(*arguments, 0, blocks)
             return
-        share = min(_BLOCKS_PER_TASK, -(-blocks // threads))
+        share = min(most, -(-blocks // threads))
         tasks = [(b, min(b + share, blocks)) for b in range(0, blocks, share)]
         with ThreadPoolExecutor(threads) as pool:  # the kernel releases the interpreter lock
             list(pool.map(lambda task: kernel(*arguments, *task), tasks))

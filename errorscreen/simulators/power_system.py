@@ -26,6 +26,7 @@ from errorscreen.simulators.base import Responses, Simulator, Status
 from errorscreen.simulators.event_tables import steps_at_rest, tables_in_time
 from errorscreen.simulators.grid_assembly import GridModel, grid_effects, machine_prefix, qualified
 from errorscreen.simulators.grid_unit import LoadUnderTest, Unit, at_rest
+from errorscreen.simulators.recent import Recent
 
 #: a channel beyond this is not that of a grid, in pu
 _PLAUSIBLE = 1e3
@@ -142,6 +143,7 @@ class PowerSystemSimulator(Simulator):
         self._grid = GridModel((m.bus for m in self.machines), devices.values(), self.observed, inside)
         self._engine = engines[engine](self._grid.model(), n_threads)
         self._flows: dict[float, LoadFlow] = {}
+        self._recent = Recent()
         self._reduced(self._flow(event), self.network)  # an unknown bus or branch shows here
 
     def __repr__(self) -> str:
@@ -211,14 +213,15 @@ class PowerSystemSimulator(Simulator):
         every = max(1, int(np.ceil(event.dt / self.step - 1e-9)))
         h, steps = event.dt / every, every * (len(event.time) - 1)
         flow = self._flow(event)
-        tables, segment = tables_in_time(
-            happened,
-            flow.network,
-            lambda network: self._grid.table(self._reduced(flow, network)),
-            h,
-            steps,
-            exact=happened is event,
-        )
+        exact = happened is event
+
+        def course() -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+            def table(network: Network) -> NDArray[np.float64]:
+                return self._grid.table(self._reduced(flow, network))
+
+            return tables_in_time(happened, flow.network, table, h, steps, exact=exact)
+
+        tables, segment = self._recent.get((event, h), course) if exact else course()
         values, feasible = self._start(theta, flow, event, h)
         names = self._engine.model.constants
         x0, constants = (

@@ -34,7 +34,7 @@ def test_exact_for_a_cubic_input():
 
 
 @pytest.mark.parametrize("device", DEVICE_NAMES)
-def test_numpy_scalar_and_lanes_agree_bit_for_bit(device):
+def test_numpy_few_lanes_and_many_agree_bit_for_bit(device):
     compiled, reference = plant(device), plant(device, engine="numpy")
     theta = random_rows(compiled, 37)
     together = compiled.simulate(theta)
@@ -74,8 +74,9 @@ def test_generated_module_has_no_equations_and_fresh_processes_hit_the_cache(tmp
         "from tests.engine.test_kernels import LAG\n"
         "from errorscreen.engine import Engine\n"
         "from errorscreen.engine.codegen import load_module\n"
+        "from errorscreen.engine.kernels import FEW_LANES\n"
         "Engine(LAG).integrate(np.ones((1, 1)), np.ones((1, 1)), np.zeros((3, 1)), h=0.1)\n"
-        "stats = load_module(LAG, 1).integrate.stats\n"
+        "stats = load_module(LAG, FEW_LANES).integrate.stats\n"
         "print(sum(stats.cache_hits.values()), sum(stats.cache_misses.values()))\n"
     )
     environment = {**os.environ, "ERRORSCREEN_CACHE_DIR": str(tmp_path), "PYTHONPATH": os.getcwd()}

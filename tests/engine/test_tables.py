@@ -47,7 +47,7 @@ def test_what_is_recorded_at_the_jump_is_the_value_after_it():
     assert slope == pytest.approx((np.array([0.0, 1.0, -0.5, -0.5, -0.5]) - x) / 0.3, abs=1e-12)
 
 
-def test_numpy_scalar_and_lanes_agree_bit_for_bit():
+def test_numpy_few_lanes_and_many_agree_bit_for_bit():
     T = np.random.default_rng(0).uniform(0.05, 2, 37)
     together = pulse(Engine(LAG), T, 40, 0.25, 0.5)
     assert np.array_equal(pulse(ReferenceEngine(LAG), T, 40, 0.25, 0.5), together)
