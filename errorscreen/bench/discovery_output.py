@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from errorscreen.persistence import write_json_atomic, write_text_atomic
-from errorscreen.plotting.charts import figure_of
+from errorscreen.plotting.charts import COLOURS, figure_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,6 +29,8 @@ _RATES = {
 }
 #: limits of the sizes over which the power curve is drawn, in multiples of the noise
 _SIZES = (0.0, 1.0, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0, np.inf)
+#: outcomes of scenarios that hide something, see `discovery_study`
+_OUTCOMES = ("correct", "wrong", "unknown", "missed")
 _DPI = 150
 
 
@@ -94,32 +96,55 @@ def tables(result: dict[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def power_figure(result: dict[str, Any]) -> Figure:
-    """Share of effects named rightly over their size."""
+def by_size(result: dict[str, Any]) -> list[dict[str, float]]:
+    """Outcomes of single effects and measurement faults by the size of what is hidden.
+
+    Parameters
+    ----------
+    result : dict
+        Of `discovery_study`.
+
+    Returns
+    -------
+    list of dict
+        ``low`` and ``high``, limits of the size in multiples of the noise, its ``median``, ``n`` and the shares
+        ``correct``, ``wrong``, ``unknown`` and ``missed``.
+    """
+    rows = [r for r in result["scenarios"] if r["truth"]["kind"] in ("effect", "other form", "measurement")]
+    found = []
+    for low, high in pairwise(_SIZES):
+        inside = [r for r in rows if low <= r["truth"]["size"] < high]
+        if inside:
+            shares = {name: float(np.mean([r["outcome"] == name for r in inside])) for name in _OUTCOMES}
+            median = float(np.median([r["truth"]["size"] for r in inside]))
+            found.append({"low": low, "high": high, "median": median, "n": len(inside), **shares})
+    return found
+
+
+def power_figure(*results: dict[str, Any]) -> Figure:
+    """Share of effects named rightly over their size, a line for each result: they differ in the noise."""
     figure = figure_of(6.0, 4.0)
     axes = figure.subplots()
-    rows = [r for r in result["scenarios"] if r["truth"]["kind"] in ("effect", "other form", "measurement")]
-    sizes = np.array([r["truth"]["size"] for r in rows])
-    at, shares, counts = [], [], []
-    for low, high in pairwise(_SIZES):
-        inside = (sizes >= low) & (sizes < high)
-        if inside.any():
-            at.append(float(np.median(sizes[inside])))
-            shares.append(
-                float(np.mean([r["outcome"] == "correct" for r, i in zip(rows, inside, strict=True) if i]))
-            )
-            counts.append(int(inside.sum()))
-    axes.plot(at, shares, "o-", color="#0b5fa5")
-    for x, y, n in zip(at, shares, counts, strict=True):
-        axes.annotate(f"{n}", (x, y), textcoords="offset points", xytext=(0, 6), ha="center", fontsize=8)
-    if at:
-        axes.set_xscale("log")
+    for result, color in zip(results, COLOURS[1:], strict=False):
+        bins = by_size(result)
+        at, shares = [b["median"] for b in bins], [b["correct"] for b in bins]
+        axes.plot(at, shares, "o-", color=color, label=f"{result['noise_db']:g} dB")
+        if len(results) == 1:
+            for x, y, b in zip(at, shares, bins, strict=True):
+                axes.annotate(
+                    f"{b['n']}", (x, y), textcoords="offset points", xytext=(0, 6), ha="center", fontsize=8
+                )
+        if at:
+            axes.set_xscale("log")
+    only = f"{results[0]['noise_db']:g} dB (numbers: scenarios)" if len(results) == 1 else "by noise"
     axes.set(
         xlabel="part of the effect that survives a refit, in multiples of the noise",
         ylabel="share named rightly",
         ylim=(-0.02, 1.1),
-        title=f"{result['case']}, {result['noise_db']:g} dB (numbers: scenarios)",
+        title=f"{results[0]['case']}, {only}",
     )
+    if len(results) > 1:
+        axes.legend(loc="lower right")
     return figure
 
 

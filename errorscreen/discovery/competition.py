@@ -34,13 +34,11 @@ _BEGUN, _FIRST, _KEPT, _SLICES = 3, 5, 2, 6
 #: times that a fit is led out of a local minimum
 _ESCAPES = 3
 #: starts all over the ranges of a fit that is led out of a local minimum: how many are kept after how many iterations
-_HALVING = ((16, 3), (8, 6), (3, _FIRST * _SLICES))
+_HALVING = ((16, 3), (8, 6))
 #: what leaves more than this share of what parameters leave is not worth it
 _PART = 0.5
 #: most parameters of a model with its effects, for a search of all their ranges
 _FEW = 8
-#: a joint fit goes on while its distance from the best is less than so many times what it gained last
-_HOPE = 20.0
 #: a fit whose χ²/N is at most this is tried with a step so many times smaller, and fitted with it if the linear model
 #: promises to leave at most this share of what is beyond noise
 _NEAR, _FINER, _LEFT = 50.0, 4, 0.5
@@ -212,7 +210,7 @@ class Competition:
             running = [fit.run(_FIRST) for fit in running if fit.active]
             # one that has come to rest far above the best will not catch up
             best = min((fit.objective for fit in fits), default=0.0)
-            running = [fit for fit in running if fit.objective - best < _HOPE * max(fit.gained, 1.0)]
+            running = [fit for fit in running if fit.may_reach(best)]
         done = []
         for fit in fits:
             hypothesis = fit.hypothesis()
@@ -262,10 +260,14 @@ class Competition:
             fit = JointFit(hypothesis.effects, problem, np.array(starts))
             for kept, iterations in _HALVING:
                 fit.keep(kept).run(iterations)
+            fit.keep(_BEGUN)
+            for _ in range(_SLICES):
+                if fit.active and fit.may_reach(hypothesis.objective):
+                    fit.run(_FIRST)
+            if fit.objective > hypothesis.objective - _WORTH:
+                return None
             better = fit.hypothesis()
         except SimulationError:
-            return None
-        if better.objective > hypothesis.objective - _WORTH:
             return None
         self._keep(better, self._test(better), hypothesis)
         return better

@@ -29,6 +29,8 @@ from errorscreen.simulators.base import Simulator
 PRIOR = 0.3
 _TOL, _STEP = 1e-2, 1e-4
 _ENDED = ("converged", "kink")
+#: a joint fit goes on while its distance from the best is less than so many times what it gained last
+_HOPE = 20.0
 
 _Array = NDArray[np.float64]
 
@@ -172,6 +174,10 @@ class JointFit:
     def active(self) -> bool:
         """Whether a start has not ended."""
         return any(track.state == "active" for track in self._search.tracks)
+
+    def may_reach(self, objective: float) -> bool:
+        """Whether an objective is within reach, by what was gained last."""
+        return self.objective - objective < _HOPE * max(self.gained, 1.0)
 
     def keep(self, n: int) -> JointFit:
         """Drop all but the best starts."""

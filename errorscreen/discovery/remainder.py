@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from scipy.linalg import cho_factor, cho_solve
 from scipy.signal import detrend, lfilter
 from scipy.stats import false_discovery_control, norm
@@ -215,13 +216,16 @@ def _energies(observations: Sequence[Observation], residuals: _Array) -> tuple[l
     for observation, z in _split(observations, residuals):
         time, dt = observation.time, observation.event.dt
         limits, names = stage_limits(observation), stage_names(observation)
-        spectrum = np.fft.rfft(z, axis=-1)
-        frequency = np.fft.rfftfreq(len(time), dt)
+        length = next_fast_len(
+            len(time), real=True
+        )  # 501 samples, three times a prime, take four times as long as 512
+        spectrum = rfft(z, length, axis=-1)
+        frequency = rfftfreq(length, dt)
         for low, high in pairwise(bands(observation)):
             part = (frequency >= low) & (frequency < high)
             if not part.any():
                 continue
-            band = np.fft.irfft(spectrum * part, len(time), axis=-1)
+            band = irfft(spectrum * part, length, axis=-1)[..., : len(time)]
             for stage, start, stop in zip(names[1:], limits[1:-1], limits[2:], strict=True):
                 begin = int(np.searchsorted(time, start - 1e-9))
                 end = int(np.searchsorted(time, stop - 1e-9)) if stop < time[-1] else len(time)

@@ -7,6 +7,7 @@ import pytest
 
 from errorscreen.bench import discovery_study
 from errorscreen.bench.discovery import summarise
+from errorscreen.bench.discovery_output import by_size, power_figure
 from errorscreen.bench.hidden_effects import OTHER_FORMS, OUTSIDE
 from errorscreen.bench.plant_scenarios import draw_plant_scenario
 from errorscreen.bench.scenarios import MIX
@@ -94,6 +95,22 @@ def test_rates_count_what_they_say():
     assert found["expected_calibration_error"] == pytest.approx(
         (13 * abs((10 * 0.9 + 3 * 1.0) / 13 - 10 / 13) + 2 * 0.6 + 0.8) / 16
     )
+
+
+def test_outcomes_by_size():
+    rows = [
+        record("effect", "correct", size=4.0), record("other form", "unknown", size=3.0),
+        record("measurement", "correct", size=60.0), record("outside", "correct", size=4.0),
+    ]  # fmt: skip
+    result = {"case": "plant", "noise_db": 40.0, "scenarios": rows}
+    small, large = by_size(result)
+    assert (small["low"], small["high"], small["median"], small["n"]) == (3.0, 5.0, 3.5, 2)
+    assert (small["correct"], small["unknown"], small["wrong"], small["missed"]) == (0.5, 0.5, 0.0, 0.0)
+    assert (large["low"], large["n"], large["correct"]) == (50.0, 1, 1.0)
+    axes = power_figure(result, {**result, "noise_db": 20.0, "scenarios": rows[:1]}).axes[0]
+    assert [line.get_label() for line in axes.lines] == ["40 dB", "20 dB"]
+    assert np.array_equal(axes.lines[0].get_xydata(), [[3.5, 0.5], [60.0, 1.0]])
+    assert len(power_figure(result).axes[0].texts) == 2  # how many scenarios each point stands for
 
 
 def test_a_study_goes_on_where_it_stopped(tmp_path, capsys):

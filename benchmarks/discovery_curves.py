@@ -1,0 +1,68 @@
+"""How many causes are named rightly, by size of the effect and by noise: renews table and figure in the docs.
+
+``python benchmarks/discovery_curves.py OUT [SCENARIOS [SEED [JOBS]]]``: so many hidden plant scenarios at each noise
+level, with effects down to a third of the noise. What is finished stays in OUT; the same call goes on from there.
+"""
+
+import sys
+from pathlib import Path
+
+from errorscreen.bench import discovery_study
+from errorscreen.bench.discovery_output import by_size, power_figure
+from errorscreen.persistence import write_text_atomic
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+LEVELS = (40.0, 30.0, 20.0)
+SCENARIOS, SEED, JOBS, LEAST_SIZE = 80, 97, 2, 0.3
+
+
+def table(results):
+    """Markdown table of outcomes by noise and size, and of false alarms."""
+    header = ("noise", "size", "scenarios", "named rightly", "wrongly", "unknown", "explained by parameters")
+    lines = [f"| {' | '.join(header)} |", "|---" * len(header) + "|"]
+    for result in results:
+        for b in by_size(result):
+            size = f"{b['low']:g} to {b['high']:g}" if b["high"] < float("inf") else f"over {b['low']:g}"
+            shares = " | ".join(f"{b[name]:.2f}" for name in ("correct", "wrong", "unknown", "missed"))
+            lines.append(f"| {result['noise_db']:g} dB | {size} | {b['n']} | {shares} |")
+    lines += [
+        "",
+        "| noise | nothing hidden: something reported | two effects: both named | outside: unknown, right device |",
+    ]
+    lines.append("|---|---|---|---|")
+    for result in results:
+        rates = result["rates"]
+        cells = [_of(rates["false_alarm"]), _of(rates["both_found"])]
+        cells.append(f"{_of(rates['outside_unknown'])}, {_of(rates['outside_place'])}")
+        lines.append(f"| {result['noise_db']:g} dB | {' | '.join(cells)} |")
+    first = results[0]
+    return "\n".join(lines) + (
+        f"\n\nCase {first['case']}, {len(first['scenarios'])} scenarios at each level, seed {first['seed']}, "
+        f"effects at least {first['least_size']:g} times the noise.\n"
+    )
+
+
+def _of(rate):
+    return "" if rate["value"] is None else f"{round(rate['value'] * rate['n'])} of {rate['n']}"
+
+
+def main(out, scenarios=SCENARIOS, seed=SEED, jobs=JOBS):
+    """Run all levels, and write table and figure."""
+    results = [
+        discovery_study(
+            Path(out) / f"{level:g}",
+            scenarios=scenarios,
+            seed=seed,
+            noise_db=level,
+            least_size=LEAST_SIZE,
+            n_jobs=jobs,
+            progress=True,
+        )
+        for level in LEVELS
+    ]
+    write_text_atomic(DOCS / "tables" / "discovery_curves.md", table(results))
+    power_figure(*results).savefig(DOCS / "images" / "discovery-curves.png", dpi=150)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], *(int(n) for n in sys.argv[2:]))
