@@ -17,9 +17,6 @@ _FIRST_DAMPING, _LARGEST_DAMPING, _SMALLEST_DAMPING = 0.1, 1e6, 1e-9
 _JITTER = 1e-12
 #: a decrease below this share of what counts as converged is no progress
 _NO_PROGRESS = 1e-2
-#: a Jacobian is updated at most so often before it is taken by differences again, and only after a step that kept this
-#: share of what it promised and gained at least one standard deviation: near its end a search is best with true ones
-_UPDATES, _KEPT_PROMISE = 2, 0.25
 
 _Array = NDArray[np.float64]
 
@@ -39,8 +36,6 @@ class Track:
         Of the residuals at `u`; None where the position is newer.
     central : bool
         Whether it is taken by central differences.
-    updates : int
-        How often it was updated since then.
     damping : float
         The value that worked last.
     promise : float
@@ -56,7 +51,6 @@ class Track:
     cost: float
     jacobian: _Array | None = None
     central: bool = False
-    updates: int = 0
     damping: float = _FIRST_DAMPING
     promise: float = np.inf
     state: str = "active"
@@ -70,14 +64,6 @@ class BoundedSearch:
     model inside the bounds: the normal matrix is scaled to unit diagonal, damped, and factorised by Cholesky,
     which leaves a small least-squares problem with bounds for `scipy.optimize.lsq_linear`. A clipped
     Levenberg–Marquardt step is not: it gets stuck as soon as a bound is active.
-
-    After a step that kept what it promised, the Jacobian is not taken anew but updated by what the step has shown,
-
-    .. math:: J \leftarrow J + \frac{(\Delta z - J d)\, d^T}{d^T d},
-
-    a few times in a row (C. G. Broyden, Math. Comp. 19, 1965; in least squares: K. Madsen, H. B. Nielsen, O. Tingleff,
-    *Methods for Non-Linear Least Squares Problems*, 2nd ed. 2004, section 3.5): with tens of parameters the differences
-    are nearly all of the work. No track ends with an updated Jacobian.
 
     Differences are one-sided, which takes half the evaluations, until they lead no further, and central from
     there on: where a limiter begins to act, the slope of one side promises what no step keeps, or hides a
@@ -144,7 +130,7 @@ class BoundedSearch:
     def differentiate(self, tracks: list[Track]) -> None:
         """Give each track its Jacobian by central differences, where it has none."""
         for track in tracks:
-            if not track.central or track.updates:
+            if not track.central:
                 track.central, track.jacobian = True, None
         self._differentiate(tracks)
 
@@ -164,7 +150,6 @@ class BoundedSearch:
             # the other end of a one-sided difference is where the track is
             other, there = (end[1], values[1]) if track.central else (track.u, track.residuals)
             width = end[0] - other
-            track.updates = 0
             track.jacobian = ((values[0] - there) / np.where(width != 0, width, 1.0)[:, None]).T
 
     def _ends(self, track: Track) -> _Array:
@@ -175,10 +160,8 @@ class BoundedSearch:
         return np.clip([track.u + inwards], self._lower, self._upper)
 
     def _stop(self, track: Track, state: str) -> None:
-        """End a track, or let it go on with new differences, central ones where it had one-sided ones."""
-        if track.updates:
-            track.jacobian = None
-        elif track.central:
+        """End a track, or let it go on with central differences where it had one-sided ones."""
+        if track.central:
             track.state = state
         else:
             track.central, track.jacobian = True, None
@@ -236,29 +219,14 @@ class BoundedSearch:
             best = int(np.argmin(costs))
             gain = track.cost - costs[best]
             if gain > 0:
-                self._move(track, trial[best], values[best].copy(), float(costs[best]))
-                track.damping = max(damping[best], _SMALLEST_DAMPING)
-            elif track.updates:
+                track.u, track.residuals, track.cost = trial[best], values[best].copy(), float(costs[best])
                 track.jacobian = None
-                continue
+                track.damping = max(damping[best], _SMALLEST_DAMPING)
             elif track.damping < _LARGEST_DAMPING:
                 track.damping *= _DAMPINGS[-1] / _DAMPINGS[0] * 10  # the next seven lie above all of these
                 continue
             if gain < _NO_PROGRESS * self._tol * self._unit(track):
                 self._stop(track, "kink" if track.promise < self._unit(track) else "stalled")
-
-    def _move(self, track: Track, u: _Array, residuals: _Array, cost: float) -> None:
-        """Take a track to a new position, and its Jacobian along as long as that is worth it."""
-        assert track.jacobian is not None
-        d = u - track.u
-        expected = track.residuals + track.jacobian @ d
-        promised = track.cost - float(self._costs(u, expected))
-        if track.updates < _UPDATES and track.cost - cost > max(_KEPT_PROMISE * promised, self._unit(track)):
-            track.jacobian = track.jacobian + np.outer(residuals - expected, d / (d @ d))
-            track.updates += 1
-        else:
-            track.jacobian = None
-        track.u, track.residuals, track.cost = u, residuals, cost
 
 
 def _moved(u: _Array, ends: _Array) -> _Array:

@@ -10,6 +10,7 @@ from errorscreen.events import BusFault, Event, GridEvent, LineTrip, LoadStep
 from errorscreen.exceptions import InputError
 from errorscreen.power.elements import Branch, Bus, Generator, Load
 from errorscreen.power.network import Network
+from errorscreen.power.reduction import reduce_network
 from errorscreen.power.two_axis_fixed import FixedMachine
 from errorscreen.recordings import Recording
 from errorscreen.simulators import PowerSystemSimulator, Status, Unit, power_system
@@ -44,6 +45,30 @@ def network():
 def system(event=FAULT, **options):
     options = {"channels": {"U": 3, "P": (2, 3)}, **options}
     return PowerSystemSimulator(network(), UNITS, MACHINES, event=event, **options)
+
+
+def test_the_grid_of_a_recorded_event_is_reduced_once(monkeypatch):
+    count = []
+
+    def counted(*args, **kwargs):
+        count.append(1)
+        return reduce_network(*args, **kwargs)
+
+    simulator = system()
+    monkeypatch.setattr(power_system, "reduce_network", counted)
+    theta = random_rows(simulator, 2)
+    first = simulator.simulate(theta).values
+    assert len(count) == 3  # before, during and after the fault
+    assert np.array_equal(simulator.simulate(theta).values, first)
+    assert len(count) == 3
+    # another step has other tables, and what is not on record is reduced each time
+    simulator.with_step_of(simulator.refined(2)).simulate(theta)
+    assert len(count) == 6
+    longer = simulator.extend("fault_duration")
+    for _ in range(2):
+        before = len(count)
+        longer.simulate(np.append(theta[0], 0.02))
+        assert len(count) == before + 3
 
 
 def test_contract():
