@@ -1,0 +1,67 @@
+"""Which hypotheses are fitted again with a smaller step, and which effects go on to finer signatures."""
+
+import numpy as np
+import pytest
+
+from errorscreen.calibration import MAPCalibrator
+from errorscreen.discovery.competition import Competition
+from errorscreen.discovery.hypotheses import parameters_only
+from errorscreen.discovery.signatures import SignatureSearch
+from errorscreen.recordings import Recording
+from tests.simulators.models import oscillator, push
+
+TIME = np.arange(0.0, 60.0, 0.3)
+
+
+def competition(simulator, observation, **options):
+    fitted = MAPCalibrator(simulator, random_state=0).fit(observation)
+    base = parameters_only(simulator, [observation], fitted.theta_, "converged")
+    options = {"max_effects": 1, "n_fits": 6, "n_draws": 32, "significance": 0.002, "seed": 0} | options
+    return Competition(base, tell=lambda line: None, **options)
+
+
+def recorded(effects, values, noise):
+    """An oscillator in small steps, seen through noise, seldom."""
+    event = push(time=TIME)
+    truth = oscillator(event, step=0.005)
+    for effect in effects:
+        truth = truth.extend(effect)
+    y = truth.simulate(values, event).values[0, 0]
+    y = y + noise * np.random.default_rng(4).standard_normal(len(y))
+    return Recording.from_signals(event.time, {**event.signals, "position": y}, noise={"position": noise})
+
+
+@pytest.mark.parametrize(
+    ("effects", "values", "noise", "finer"),
+    [((), [0.45, 4.4], 2e-4, True), (("velocity.cubic(position)",), [0.45, 4.4, 0.6], 2e-2, False)],
+    ids=["steps too long", "something missing"],
+)
+def test_a_smaller_step_is_taken_only_where_it_explains_what_is_left(
+    effects, values, noise, finer, monkeypatch
+):
+    refits = []
+    plain = Competition._refitted
+    monkeypatch.setattr(Competition, "_refitted", lambda *args: refits.append(1) or plain(*args))
+    simulator = oscillator(push(time=TIME), step=0.3)
+    found = competition(simulator, simulator.observe(recorded(effects, values, noise)))
+    assert (found.base.simulator.step < simulator.step) == finer
+    assert found.is_adequate(found.base) == finer
+    assert len(refits) == finer
+
+
+def test_signatures_are_refined_for_the_effects_that_are_ahead(spring, monkeypatch):
+    rounds = {}
+    plain = SignatureSearch.run
+
+    def counted(search, n=4):
+        rounds[search.effect.name] = n
+        return plain(search, n)
+
+    monkeypatch.setattr(SignatureSearch, "run", counted)
+    simulator, observation = spring
+    found = competition(simulator, observation, n_fits=3)
+    found.run(simulator.effects)
+    reached = sorted(rounds.values(), reverse=True)
+    assert reached == [4] * 3 + [3] * 3 + [2] * 6 + [1] * (len(simulator.effects) - 12)
+    assert rounds["velocity.cubic(position)"] == 4
+    assert "velocity.cubic(position)" in {h.name for h in found.adequate}
