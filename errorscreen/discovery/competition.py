@@ -395,15 +395,9 @@ class Competition:
             simulator = simulator.extend(effect)
         problem = FitProblem(simulator, list(observations))
         try:
-            fit = JointFit(effects, problem, [_deviations(h, problem.names) for h in starts])
+            fit = JointFit(effects, problem, [h.deviations(problem.names) for h in starts])
             return fit.run(_FIRST * _SLICES).hypothesis()
         except SimulationError:
             return None
         finally:
             self.n_simulations += problem.n_simulations
-
-
-def _deviations(hypothesis: Hypothesis, names: Sequence[str]) -> _Array:
-    """Fitted deviations of some parameters in multiples of their scales; 0 for those it does not have."""
-    found = dict(zip(hypothesis.names, hypothesis.u, strict=True))
-    return np.array([found.get(name, 0.0) for name in names])

@@ -100,6 +100,11 @@ class Hypothesis:
         covariance = np.linalg.inv(A)
         return np.asarray(covariance * np.outer(self.free, self.free))
 
+    def deviations(self, names: Sequence[str]) -> _Array:
+        """Fitted deviations of some parameters in multiples of their scales; 0 for those it does not have."""
+        found = dict(zip(self.names, self.u, strict=True))
+        return np.array([found.get(name, 0.0) for name in names])
+
     def parameters_of(self, effect: Effect, width: float) -> dict[str, tuple[float, float, float]]:
         """Value, lower and upper end of the interval of each parameter of an effect.
 

@@ -216,9 +216,8 @@ def _energies(observations: Sequence[Observation], residuals: _Array) -> tuple[l
     for observation, z in _split(observations, residuals):
         time, dt = observation.time, observation.event.dt
         limits, names = stage_limits(observation), stage_names(observation)
-        length = next_fast_len(
-            len(time), real=True
-        )  # 501 samples, three times a prime, take four times as long as 512
+        # padded: 501 samples, three times a prime, take four times as long as 512
+        length = next_fast_len(len(time), real=True)
         spectrum = rfft(z, length, axis=-1)
         frequency = rfftfreq(length, dt)
         for low, high in pairwise(bands(observation)):
