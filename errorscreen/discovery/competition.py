@@ -284,7 +284,7 @@ class Competition:
         reference = self.simulator.refined(_FINER)
         fine = hypothesis.simulator.with_step_of(reference)
         observations = [fine.quantified(o, hypothesis.theta) for o in hypothesis.observations]
-        if self._promised(hypothesis, observations, reference) > _LEFT:
+        if self._promised(hypothesis, FitProblem(fine, observations, hypothesis.names)) > _LEFT:
             return hypothesis
         finer = self._refitted(hypothesis.effects, observations, reference, [hypothesis])
         if finer is None:
@@ -300,13 +300,8 @@ class Competition:
                     self._keep(better, self._test(better), other)
         return finer
 
-    def _promised(
-        self, hypothesis: Hypothesis, observations: Sequence[Observation], reference: Simulator
-    ) -> float:
-        """Share of what a hypothesis leaves beyond noise that it would leave with the step of a reference, by (D2)."""
-        problem = FitProblem(
-            hypothesis.simulator.with_step_of(reference), list(observations), hypothesis.names
-        )
+    def _promised(self, hypothesis: Hypothesis, problem: FitProblem) -> float:
+        """Share of what a hypothesis leaves beyond noise that it would leave in a finer problem, by (D2)."""
         columns = np.arange(len(hypothesis.u))
         objective = projected(problem, hypothesis.u[None], hypothesis.jacobian, columns)[0][0]
         self.n_simulations += problem.n_simulations
