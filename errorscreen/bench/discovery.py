@@ -118,11 +118,13 @@ def discovery_study(
     records = {i: _unpack(found) for i, found in store.load(range(scenarios)).items()}
     report(f"{scenarios} scenarios" + (f", {len(records)} of them finished before" if records else ""))
     missing = [i for i in range(scenarios) if i not in records]
-    finished = Parallel(n_jobs=n_jobs, return_as="generator")(
+    # in whatever order they finish: a long one must not keep others from being stored
+    finished = Parallel(n_jobs=n_jobs, return_as="generator_unordered")(
         delayed(run_scenario)(case, seed, i, noise_db, least_size) for i in missing
     )
     with tqdm(total=scenarios, initial=len(records), desc="scenarios", disable=not progress) as bar:
-        for i, record in zip(missing, finished, strict=True):
+        for record in finished:
+            i = record["number"]
             store.save(i, {"record": np.frombuffer(json.dumps(record).encode(), dtype=np.uint8)})
             records[i] = record
             bar.update()
