@@ -16,6 +16,8 @@ from errorscreen.effects.governor import GOVERNOR
 from errorscreen.effects.latent_input import latent_input
 from errorscreen.effects.load import FREQUENCY_DEPENDENCE, MOTOR_LOAD, STATIC_ACTIVE, STATIC_REACTIVE
 from errorscreen.effects.measurement import measurement_effects
+from errorscreen.effects.phase_locked_loop import PHASE_LOCKED_LOOP
+from errorscreen.effects.ramp_limit import RAMP_LIMIT
 from errorscreen.effects.ride_through import RIDE_THROUGH, RIDE_THROUGH_TRIP
 from errorscreen.effects.saturation import SATURATION
 from errorscreen.effects.stabiliser import STABILISER
@@ -39,6 +41,8 @@ LIBRARY: dict[str, tuple[Effect, ...]] = {
     "dfig_plant": (
         ACTIVE_CURRENT_LAG,
         REACTIVE_POWER_LAG,
+        RAMP_LIMIT,
+        PHASE_LOCKED_LOOP,
         RIDE_THROUGH,
         forced_oscillation("Pwi"),
         latent_input("Ip_cmd", 1.0),
@@ -47,6 +51,7 @@ LIBRARY: dict[str, tuple[Effect, ...]] = {
     "pv_plant": (
         ACTIVE_CURRENT_LAG,
         REACTIVE_CURRENT_LAG,
+        RAMP_LIMIT,
         CURRENT_PRIORITY,
         VOLT_VAR,
         RIDE_THROUGH,
@@ -78,6 +83,8 @@ __all__ = [
     "KINDS",
     "LIBRARY",
     "MOTOR_LOAD",
+    "PHASE_LOCKED_LOOP",
+    "RAMP_LIMIT",
     "REACTIVE_CURRENT_LAG",
     "REACTIVE_POWER_LAG",
     "RIDE_THROUGH",

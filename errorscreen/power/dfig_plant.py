@@ -221,6 +221,8 @@ DFIG_PLANT = Device(
     ),
     initialise=initialise,
     ports={
+        "d_theta": "angular speed of the phase-locked loop against the nominal frequency in rad/s",
+        "df": "frequency deviation that the phase-locked loop measures in pu",
         "Qcmd": "reactive-power command in pu",
         "Ip_cmd": "active-current command in pu",
         "Pwi": "power of the virtual inertia in pu",

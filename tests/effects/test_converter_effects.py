@@ -1,0 +1,191 @@
+"""Ramp limit and phase-locked loop: their equations by hand, in the plants and in a grid, and as causes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from errorscreen.discovery import CauseFinder
+from errorscreen.effects.ramp_limit import ramp_limit
+from errorscreen.events import Playback
+from errorscreen.observations import Observation
+from errorscreen.simulators import PowerSystemSimulator
+from tests.plants import OPERATING_POINT, dip, plant, random_rows
+from tests.simulators.test_power_system import FAULT, MACHINES, UNITS, network
+
+CONVERTERS = ("dfig_plant", "pv_plant")
+#: parameter that limits the rise in the device itself
+OWN_LIMIT = {"dfig_plant": "RIP", "pv_plant": "RIp"}
+TAU = 0.01
+NOISE = np.full(2, 2e-3)
+
+
+def square(depth=0.5, stop=6.0, dt=1 / 400):
+    """The voltage is low for 0.2 s and exactly as before otherwise; the angle rests."""
+    time = np.arange(0, stop, dt)
+    voltage = np.where((time > 1.0) & (time < 1.2), 1.0 - depth, 1.0)
+    return Playback(time, "square", 1.0, {"V": voltage, "angle": 0.0 * time}, OPERATING_POINT)
+
+
+def observed(truth, theta, event):
+    """What is recorded of a truth, with noise."""
+    y = truth.simulate(theta, event).require_ok().values[0]
+    y = y + NOISE[:, None] * np.random.default_rng(0).standard_normal(y.shape)
+    return Observation(event, y, NOISE, truth.channels, truth.units)
+
+
+def deviating(simulator):
+    """Parameters of a truth that none of the nominal ones is equal to."""
+    rng = np.random.default_rng(3)
+    return simulator.parameters.nominal * rng.uniform(0.9, 1.1, len(simulator.parameters))
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.floats(0.05, 10.0), st.floats(0.0, 0.6), st.floats(0.1, 0.6))
+def test_a_step_up_takes_its_size_times_the_strength(Tr, low, step):
+    """(U1), (U2) by an adaptive method against the straight line that they are meant to be."""
+    high = low + step
+    t = np.linspace(0, 1.3 * Tr * step + 0.1, 200)
+
+    def acting(u, x):
+        return ramp_limit(u, x, Tr, TAU, 1.0 / Tr)
+
+    x = solve_ivp(
+        lambda t, y: [acting(high, y[0])[1]], (0, t[-1]), [low], t_eval=t, max_step=TAU / 2, rtol=1e-9
+    ).y[0]
+    found = np.array([acting(high, a)[0] for a in x])
+    assert np.abs(found - np.minimum(high, low + (t + TAU) / Tr)).max() < 1e-4
+    # a fall is followed at once, from any part of the ramp
+    assert acting(low, x[50])[0] == low
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.floats(0.1, 10.0), st.floats(0.05, 0.95))
+def test_a_slower_rise_is_not_changed(Tr, share):
+    """Also not by the lag of the memory, once it has settled: it rests `share` of the margin below the command."""
+    slope = share / Tr
+    t = np.linspace(0, 0.5, 200)
+    x = solve_ivp(
+        lambda t, y: [ramp_limit(slope * t, y[0], Tr, TAU, 1 / Tr)[1]], (0, 0.5), [0.0], t_eval=t, rtol=1e-9
+    ).y[0]
+    for instant, memory in zip(t, x, strict=True):
+        assert ramp_limit(slope * instant, memory, Tr, TAU, 1 / Tr)[0] == slope * instant
+
+
+@pytest.mark.parametrize("device", CONVERTERS)
+@pytest.mark.parametrize("Tr", [2.0, 4.0, 8.0])
+def test_the_current_comes_back_in_a_straight_line(device, Tr):
+    """At a voltage of 1 pu the power is the current: it rises by 1/Tr a second until it is what it was."""
+    event = square()
+    simulator = plant(device, event, step=1 / 800).extend("ramp")
+    P = simulator.simulate([*simulator.parameters.nominal[:-1], Tr]).require_ok().values[0, 0]
+    left = OPERATING_POINT["P"] - P[event.time > 1.2][0]
+    # the regulator behind the command has settled after eight of its time constants
+    rising = (event.time > 1.36) & (event.time < 1.2 + 0.9 * Tr * left)
+    assert rising.sum() > 50
+    assert np.polyfit(event.time[rising], P[rising], 1)[0] == pytest.approx(1 / Tr, rel=1e-4)
+    assert np.abs(np.diff(P[rising]) / event.dt * Tr - 1.0).max() < 0.01
+    back = event.time[(event.time > 1.2) & (OPERATING_POINT["P"] <= P)][0]
+    assert back - 1.2 == pytest.approx(Tr * left, abs=0.05)
+
+
+@pytest.mark.parametrize("device", CONVERTERS)
+@pytest.mark.parametrize("rate", [0.2, 0.4, 1.0])
+def test_it_acts_as_a_smaller_limit_of_the_regulator(device, rate):
+    """The device's own limit, of the same slope, stands behind the command; its lag is what they differ by."""
+    event = square()
+    base = plant(device, event, step=1 / 800)
+    theta = deviating(base)
+    own = theta.copy()
+    own[base.parameters.index(OWN_LIMIT[device])] = rate
+    expected = base.simulate(own).require_ok().values[0]
+    plain = base.simulate(theta).values[0]
+    found = base.extend("ramp").simulate([*theta, 1 / rate]).require_ok().values[0]
+
+    def rms(values):
+        return np.sqrt(np.mean(values[0, event.time > 1.0] ** 2))
+
+    assert rms(found - expected) < 0.12 * rms(plain - expected)
+    assert np.array_equal(found[1], plain[1])  # reactive power does not depend on it
+
+
+def test_a_ramp_faster_than_the_regulator_shows_nothing():
+    event = square()
+    simulator = plant("pv_plant", event).extend("ramp")
+    nominal = simulator.parameters.nominal[:-1]  # which rises by 3 pu/s
+    off, faster, slower = simulator.simulate([[*nominal, Tr] for Tr in (0.0, 0.25, 1.0)]).values[:, 0]
+    assert np.abs(faster - off).max() < 0.02
+    assert np.abs(slower - off).max() > 0.2
+
+
+@settings(deadline=None, max_examples=15)
+@given(st.floats(-0.6, 14.0), st.integers(0, 100))
+def test_a_loop_of_another_gain_in_playback(s, seed):
+    """The same as with the constant changed, to rounding."""
+    event = dip(depth=0.3, swing=0.6)
+    base = plant("dfig_plant", event)
+    other = plant("dfig_plant", event, constants={"KPLL": 30.0 / (1.0 + s)})
+    theta = random_rows(base, 3, seed)
+    found = base.extend("pll").simulate(np.hstack([theta, np.full((3, 1), s)])).values
+    assert np.abs(found - other.simulate(theta).values).max() < 1e-9
+
+
+@pytest.mark.parametrize("engine", ["compiled", "numpy"])
+def test_a_loop_of_another_gain_behind_an_impedance(engine):
+    event = dip(depth=0.3, swing=0.3, stop=2.0)
+    still = plant("dfig_plant", event).baseline()
+    event = replace(event, signals={**event.signals, "P": still[0], "Q": still[1]})
+    options = {"grid_impedance": 0.02 + 0.1j, "engine": engine}
+    base = plant("dfig_plant", event, **options)
+    other = plant("dfig_plant", event, constants={"KPLL": 10.0}, **options)
+    found = base.extend("pll").simulate([*base.parameters.nominal, 2.0]).values
+    expected = other.simulate(base.parameters.nominal).values
+    assert np.abs(found - expected).max() < 1e-9
+    assert np.abs(found[0] - base.baseline()).max() > 1e-3
+
+
+@pytest.mark.parametrize("s", [-0.5, 2.0, 9.0])
+def test_a_loop_of_another_gain_in_a_grid(s):
+    """There the loop turns the current, so that a slow one moves every voltage."""
+
+    def system(gain):
+        units = [replace(u, constants={"KPLL": gain}) if u.device == "dfig_plant" else u for u in UNITS]
+        return PowerSystemSimulator(network(), units, MACHINES, event=FAULT, channels={"U": 3, "P": (2, 3)})
+
+    base, other = system(30.0), system(30.0 / (1.0 + s))
+    theta = random_rows(base, 3)
+    found = base.extend("dfig_plant.pll").simulate(np.hstack([theta, np.full((3, 1), s)])).values
+    assert np.abs(found - other.simulate(theta).values).max() < 1e-9
+    assert np.abs(found - base.simulate(theta).values).max() > 1e-3
+
+
+def test_a_plant_whose_regulator_rises_slowly_is_named_a_ramp():
+    """The rise is limited to 0.4 pu/s, far outside of the bounds of RIp: 1 pu takes 2.5 s."""
+    event = dip(depth=0.55, duration=0.2, swing=0.0)
+    model = plant("pv_plant", event, n_threads=1)
+    theta = deviating(model)
+    theta[model.parameters.index("RIp")] = 0.4
+    finder = CauseFinder(model, ["ramp", "cessation"], random_state=0).fit(observed(model, theta, event))
+    assert finder.verdict_.kind == "effect"
+    cause = finder.causes_[0]
+    assert (cause.name, cause.exact) == ("ramp", True)
+    assert cause.parameters["ramp.Tr"][0] == pytest.approx(2.5, rel=0.05)
+
+
+def test_a_plant_with_a_slow_loop_is_named_so():
+    """K_PLL is 5 /s instead of 30 /s, which is no parameter: s = 5."""
+    event = dip(depth=0.3, duration=0.15, swing=0.6)
+    model = plant("dfig_plant", event, n_threads=1)
+    truth = plant("dfig_plant", event, constants={"KPLL": 5.0}, n_threads=1)
+    finder = CauseFinder(model, ["pll", "lag_active"], random_state=0).fit(
+        observed(truth, deviating(model), event)
+    )
+    assert finder.verdict_.kind == "effect"
+    cause = finder.causes_[0]
+    assert (cause.name, cause.place, cause.exact) == ("pll", "d_theta", True)
+    value, low, high = cause.parameters["pll.s"]
+    assert low < 5.0 < high
+    assert value == pytest.approx(5.0, rel=0.25)
