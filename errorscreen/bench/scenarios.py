@@ -159,11 +159,11 @@ def draw_scenario(
     noise_db, least : float
     """
     for _ in range(TRIES):
-        effects, right = setup.hide(kind, device, rng)
+        effects, right = _happened(*setup.hide(kind, device, rng), setup, rng)
         own = [draw_values(effect, rng) for effect in effects]
         truth = setup.truth
         for effect in effects:
-            truth = truth.extend(effect.name)
+            truth = truth.extend(effect)
         values = np.concatenate([theta, *own])
         clean = [truth.simulate(values, e) for e in setup.events]
         if not all(r.ok.all() for r in clean):
@@ -185,7 +185,7 @@ def draw_scenario(
             beside, known = simulator, [theta]  # the parameters of the other effects can make up for it too
             for j, effect in enumerate(effects):
                 if j != k:
-                    beside, known = beside.extend(effect.name), [*known, own[j]]
+                    beside, known = beside.extend(effect), [*known, own[j]]
             sizes.append(surviving(beside, np.concatenate(known), observations[:n], change))
         if effects and not min(sizes) >= least:
             continue
@@ -209,6 +209,20 @@ def draw_scenario(
         f"none of {TRIES} effects drawn is at least {least:g} times the noise at {noise_db:g} dB",
         allowed="less noise, or a smaller least size",
     )
+
+
+def _happened(
+    effects: Sequence[Effect], right: Sequence[str], setup: Setup, rng: np.random.Generator
+) -> tuple[list[Effect], tuple[str, ...]]:
+    """Bind what belongs to one recording (`Effect.occasional`) to one of those that are fitted."""
+    found, names = [], dict(zip(right, right, strict=True))
+    for effect in effects:
+        bound = effect
+        if effect.occasional:
+            bound = effect.during(setup.events[int(rng.integers(setup.n_fit))].name)
+            names[effect.name] = bound.name
+        found.append(bound)
+    return found, tuple(names[name] for name in right)
 
 
 def surviving(

@@ -125,13 +125,19 @@ class FitProblem:
     def _simulate(self, values: ArrayLike) -> Iterator[NDArray[np.float64]]:
         theta = self.embed(values)
         for observation in self.observations:
-            responses = self.simulator.simulate(theta, observation.event)
-            self.n_simulations += len(theta)
+            rows, which = theta, None
+            if any(not effect.acts_in(observation.event) for effect in self.simulator.extensions):
+                # rows that differ in nothing that acts in this event are simulated once
+                rows, which = np.unique(
+                    self.simulator.acting(theta, observation.event), axis=0, return_inverse=True
+                )
+            responses = self.simulator.simulate(rows, observation.event)
+            self.n_simulations += len(rows)
             failed = int(np.sum(~responses.ok))
             if failed:
                 self.n_failed += failed
                 self._failures = responses.failures()
-            yield responses.values
+            yield responses.values if which is None else responses.values[which.ravel()]
 
 
 def _samples_until(observation: Observation, share: float) -> int:

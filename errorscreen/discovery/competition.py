@@ -164,8 +164,13 @@ class Competition:
             fitted.sort(key=lambda h: -h.evidence)
             for hypothesis in fitted[:_BEAM]:
                 self._extend(hypothesis, candidates, depth + 1)
-                if self.adequate:
+                if self.adequate or not self._worth_more(depth + 1):
                     break
+
+    def _worth_more(self, size: int) -> bool:
+        """Whether so many effects together leave little enough for another beginning to be tried."""
+        left = [self.remainders[h.name].excess for h in self.hypotheses if len(h.effects) == size]
+        return min(left, default=0.0) < _PART * self.remainders[self.base.name].excess
 
     def _signatures(self, base: Hypothesis, effects: Sequence[Effect]) -> list[SignatureSearch]:
         """Searches for signatures at the fitted values and at the nominal ones, the most promising first."""
@@ -344,15 +349,9 @@ class Competition:
     def _refit(
         self, effects: Sequence[Effect], like: Hypothesis, near: Sequence[Hypothesis], *, everywhere: bool
     ) -> None:
-        """Fit some effects from where other hypotheses have ended and, if asked for, from all over the ranges.
+        """Fit some effects, with the step and noise of a hypothesis, from where those near it have ended.
 
-        Parameters
-        ----------
-        effects : sequence of Effect
-        like : Hypothesis
-            With its step and noise.
-        near : sequence of Hypothesis
-        everywhere : bool
+        If asked for, also from all over the ranges.
         """
         before = next((h for h in self.hypotheses if set(h.effects) == set(effects)), None)
         starts = [*near, *([before] if before else [])]

@@ -13,6 +13,7 @@ from errorscreen.events import InputSignal, Playback
 from errorscreen.metrics import quiet_level, response_error, rms
 from errorscreen.observations import Observation
 from errorscreen.signals import correlation_time
+from errorscreen.simulators.base import Simulator
 
 #: seconds after the fault until which a stage lasts; the end of the fault is read off the voltage
 RECOVERY, OSCILLATION = 0.5, 3.0
@@ -231,7 +232,8 @@ def judge(
         Fitted on `observations` with all parameters free, because only then a remainder says something about the
         model's structure.
     held_out : sequence of Observation
-        What was not fitted. Parameters count as the explanation only if they also reproduce these.
+        What was not fitted. Parameters count as the explanation only if they also reproduce these, and so does the
+        model as it was.
     passes : (bool, bool), optional
         Whether the errors before and after the calibration pass for noise, where a sharper test has decided that
         (`remainder_test`); by `noise_limit` where not given.
@@ -256,9 +258,7 @@ def judge(
             "or give the noise of the channels.",
         )
     if before_passes:
-        return Verdict(
-            "within-noise", f"The simulation agrees with the recording within its noise. {figures}"
-        )
+        return _agreed(figures, calibrator.simulator, held_out)
     if after_passes:
         return _explained(figures, calibrator, held_out)
     if not calibrator.converged_:
@@ -322,13 +322,38 @@ def held_out_limit(calibrator: Any, observation: Observation) -> tuple[float, fl
     )
 
 
+def _agreed(figures: str, simulator: Simulator, held_out: Sequence[Observation]) -> Verdict:
+    """Verdict where the model as it is agrees with what was fitted."""
+    failed = []
+    for observation in held_out:
+        y = simulator.simulate(simulator.parameters.nominal, observation.event).values[0]
+        value = float(np.mean(observation.deviations(y)[observation.mask] ** 2))
+        allowed = noise_limit([observation], [y])
+        if not value <= allowed:  # also where the simulation failed
+            failed.append(_beyond(observation, value, allowed))
+    if failed:
+        return Verdict(
+            "unknown",
+            "The simulation agrees with what was fitted within its noise, but not with what was held out: "
+            f"{', '.join(failed)}. {figures} What is wrong does not show in what was fitted: fit those recordings.",
+        )
+    more = f" So it does with {len(held_out)} that were held out." if held_out else ""
+    return Verdict(
+        "within-noise", f"The simulation agrees with the recording within its noise.{more} {figures}"
+    )
+
+
+def _beyond(observation: Observation, value: float, allowed: float) -> str:
+    return f"{observation.event.name} (χ²/N {value:.3g}, explained up to {allowed:.3g})"
+
+
 def _explained(figures: str, calibrator: Any, held_out: Sequence[Observation]) -> Verdict:
     """Verdict where the fitted recordings are reproduced within noise."""
     failed = []
     for observation in held_out:
         value, allowed = held_out_limit(calibrator, observation)
         if not value <= allowed:  # also where the simulation failed
-            failed.append(f"{observation.event.name} (χ²/N {value:.3g}, explained up to {allowed:.3g})")
+            failed.append(_beyond(observation, value, allowed))
     if failed:
         return Verdict(
             "unknown",

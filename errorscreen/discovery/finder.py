@@ -12,17 +12,17 @@ from sklearn.utils.validation import check_is_fitted
 
 from errorscreen.calibration import MAPCalibrator
 from errorscreen.calibration.problem import FitProblem
+from errorscreen.discovery import conclusions
 from errorscreen.discovery.competition import Competition
 from errorscreen.discovery.diagnosis import Verdict, judge
 from errorscreen.discovery.gain import Gain, measure_gain
-from errorscreen.discovery.hypotheses import PRIOR, Hypothesis, parameters_only
+from errorscreen.discovery.hypotheses import PRIOR, Hypothesis, candidates, parameters_only
 from errorscreen.discovery.intervals import with_profiles
 from errorscreen.discovery.latent import Place, rank_places
 from errorscreen.discovery.ranking import Group, rank_causes
 from errorscreen.discovery.remainder import Remainder, remainder_test
-from errorscreen.effects.base import Effect
 from errorscreen.events import Event
-from errorscreen.exceptions import InputError, SimulationError, check_integer, check_real
+from errorscreen.exceptions import InputError, check_integer, check_real
 from errorscreen.observations import Observation
 from errorscreen.sampling import generator
 from errorscreen.simulators.base import Simulator
@@ -30,8 +30,8 @@ from errorscreen.simulators.observations import as_observations
 
 #: hypotheses at most so many times less probable than the best cannot be told from it
 _ALIKE = 20.0
-#: an effect of which a placebo is made must be less probable than this
-_PLACEBO = 0.05
+#: least significance: what the bootstrap of `remainder_test` can tell apart
+_LEAST = 0.001
 
 _Array = NDArray[np.float64]
 
@@ -49,7 +49,8 @@ class CauseFinder(BaseEstimator):
     ----------
     simulator : Simulator
     effects : iterable of str, optional
-        Names of the effects to try; all of the simulator's where not given.
+        Names of the effects to try; all of the simulator's where not given. What belongs to one recording
+        (`Effect.occasional`) is tried in each of them by itself, and is off in others.
     max_effects : int, default 2
         Largest number of effects that are named together.
     n_fits : int, default 6
@@ -57,7 +58,8 @@ class CauseFinder(BaseEstimator):
     n_draws : int, default 128
         Draws of an effect's parameters for its signature.
     significance : float, default 0.002
-        What is left counts as more than noise where noise alone would be so conspicuous with this probability.
+        What is left counts as more than noise where noise alone would be so conspicuous with this probability, at
+        least 0.001.
     n_starts, library_size : int
         Of the fit without effects, see `MAPCalibrator`.
     events : iterable of Event, optional
@@ -70,6 +72,8 @@ class CauseFinder(BaseEstimator):
     ----------
     verdict_ : Verdict
         Its kind is ``"within-noise"``, ``"parameters"``, ``"effect"``, ``"measurement"`` or ``"unknown"``.
+    tried_ : tuple of str
+        Names of the effects that were tried; none where nothing is to be explained.
     causes_ : list of Cause
         The most probable first; probabilities sum to 1.
     groups_ : list of Group
@@ -148,9 +152,14 @@ class CauseFinder(BaseEstimator):
         check_integer(self.max_effects, "max_effects", low=0)
         check_integer(self.n_fits, "n_fits")
         check_integer(self.n_draws, "n_draws")
-        check_real(self.significance, "significance", low=0.0, high=1.0, above=True)
+        check_real(self.significance, "significance", low=_LEAST, high=1.0)
+        for event in self.events or ():
+            if not isinstance(event, Event):
+                raise InputError(
+                    f"events holds a {type(event).__name__}", allowed="objects of a class of Event"
+                )
         observations = as_observations(self.simulator, X)
-        candidates = self._candidates()
+        library = candidates(self.simulator, observations, self._names())
         self._seed = int(generator(self.random_state).integers(2**31))
         self.places_: list[Place] = []
         self._tell("fit without effects")
@@ -168,8 +177,10 @@ class CauseFinder(BaseEstimator):
             tell=self._tell,
         )
         self._nominal = self._baseline(observations)
+        self.tried_: tuple[str, ...] = ()
         if self.max_effects and not self._nothing_to_explain:
-            found.run(candidates)
+            self.tried_ = tuple(effect.name for effect in library)
+            found.run(library)
         self._base = base = found.base
         if base is not first:  # a better minimum, or a smaller step
             self._calibrator = self._calibrate(base.observations, base)
@@ -177,9 +188,8 @@ class CauseFinder(BaseEstimator):
         self.hypotheses_ = sorted(found.hypotheses, key=lambda h: -found.scores[h.name])
         self.remainders_, self.scores_, self.signatures_ = found.remainders, found.scores, found.signatures
         self.causes_, count = with_profiles(rank_causes(found), found.hypotheses)
-        self._count += found.n_simulations + count
+        self.n_simulations_ = self._count + found.n_simulations + count
         self._choose()
-        self.n_simulations_ = self._count
         return self
 
     def predict(self, event: Any = None) -> _Array:
@@ -208,13 +218,16 @@ class CauseFinder(BaseEstimator):
         tags.target_tags.required = False
         return tags
 
-    def _candidates(self) -> list[Effect]:
-        if not isinstance(self.simulator, Simulator):
-            raise InputError(
-                f"simulator is a {type(self.simulator).__name__}",
-                allowed="an object of a subclass of Simulator",
-            )
-        return self.simulator.effects_named(self.effects)
+    def _names(self) -> tuple[str, ...] | None:
+        """Names of the effects to try, None for all."""
+        if self.effects is None:
+            return None
+        chosen = [effect.name for effect in self.simulator.effects_named(self.effects)]
+        if len(set(chosen)) < len(chosen):
+            raise InputError(f"effects holds one twice: {', '.join(chosen)}", allowed="each effect once")
+        if not chosen and self.max_effects:
+            raise InputError("the list of effects is empty", allowed="at least one effect, or max_effects=0")
+        return tuple(chosen)
 
     def _tell(self, line: str) -> None:
         if self.report is not None:
@@ -255,26 +268,20 @@ class CauseFinder(BaseEstimator):
         alike = [c for c in self.causes_ if c.name in by_name and c.probability * _ALIKE >= first.probability]
         if first.kind in ("effect", "measurement") and len(alike) > 1:
             members = [by_name[c.name] for c in alike]
-            self.groups_ = [Group(tuple(c.name for c in alike), self._separating(members))]
+            apart = conclusions.separating(members, tuple(self.events or ()))
+            self.groups_ = [Group(tuple(c.name for c in alike), apart)]
         fair = self.simulator.with_step_of(self._chosen.simulator)
         self.recalibrated_simulator_ = fair.with_nominal(self._base.theta)
-        self.placebo_ = self._placebo()
+        self.placebo_ = conclusions.placebo(self.hypotheses_, self._chosen, self.causes_)
         self.extended_simulator_ = self._chosen.simulator.with_nominal(self._chosen.theta)
         self.verdict_ = self._verdict()
-
-    def _placebo(self) -> Hypothesis | None:
-        """Fitted hypothesis with one wrong effect: at least as many parameters as what was chosen, if there is one."""
-        used = {name for c in self.causes_ if c.probability > _PLACEBO for name in c.name.split(" + ")}
-        chosen = sum(len(e.parameters) for e in self._chosen.effects)
-        wrong = [h for h in self.hypotheses_ if len(h.effects) == 1 and h.effects[0].name not in used]
-        if not self._chosen.effects or not wrong:
-            return None
-        return max(wrong, key=lambda h: (min(len(h.effects[0].parameters), chosen), h.evidence))
 
     def measure_gain(self, held_out: Any) -> Gain:
         """Gain of the extended simulator on recordings that were not fitted; an extension without gain is withdrawn.
 
-        The placebo is the best fitted wrong effect with as many parameters.
+        The placebo is the best fitted wrong effect, with as many parameters if there is one. What belongs to the fitted
+        recordings alone is off: there, the gain is that of the parameters which were fitted beside it, and only a loss
+        speaks against it.
 
         Parameters
         ----------
@@ -283,8 +290,8 @@ class CauseFinder(BaseEstimator):
         Returns
         -------
         Gain
-            If its interval does not exclude zero, or the placebo gains more, the verdict becomes "unknown" and
-            `extended_simulator_` the recalibrated one.
+            If its interval does not exclude zero, or the placebo gains more, the verdict becomes "unknown",
+            `extended_simulator_` the recalibrated one, and places are ranked.
         """
         check_is_fitted(self, "extended_simulator_")
         extended, placebo = self.extended_simulator_, None
@@ -298,16 +305,12 @@ class CauseFinder(BaseEstimator):
             placebo=placebo,
             random_state=self._seed,
         )
-        if self.verdict_.kind in ("effect", "measurement") and not gain.holds:
-            low, high = gain.interval
-            self.extended_simulator_ = self.recalibrated_simulator_
-            self.verdict_ = Verdict(
-                "unknown",
-                f"{self.causes_[0].title} explains what was fitted but gains nothing on recordings that were not: "
-                f"{gain.gain:.2f} [{low:.2f}, {high:.2f}] of the squared error"
-                + ("" if gain.placebo is None else f", a placebo {gain.placebo:.2f}")
-                + ". The extension is withdrawn.",
-            )
+        first = self.causes_[0]
+        holds = gain.interval[1] >= 0 if first.event else gain.holds
+        if self.verdict_.kind in ("effect", "measurement") and not holds:
+            self.extended_simulator_, self.groups_ = self.recalibrated_simulator_, []
+            self.causes_ = conclusions.withdrawn(self.causes_)
+            self.verdict_ = Verdict("unknown", f"{conclusions.withdrawn_text(first, gain)} {self._located()}")
         return gain
 
     def confirm(self, held_out: Any) -> Gain | None:
@@ -320,81 +323,36 @@ class CauseFinder(BaseEstimator):
         Returns
         -------
         Gain or None
-            Of what was named, see `measure_gain`; None where nothing was. The verdict "parameters" becomes "unknown"
-            if the calibrated parameters do not reproduce these recordings.
+            Of what was named, see `measure_gain`; None where nothing was. The verdicts "parameters" and "within-noise"
+            become "unknown" if the calibrated parameters, or those as they were, do not reproduce these recordings.
         """
         check_is_fitted(self, "extended_simulator_")
         if self.verdict_.kind in ("effect", "measurement"):
             return self.measure_gain(held_out)
-        if self.verdict_.kind == "parameters":
+        if self.verdict_.kind in ("parameters", "within-noise"):
             self.verdict_ = self._judged(as_observations(self.simulator, held_out))
         return None
 
-    def _separating(self, members: Sequence[Hypothesis]) -> tuple[tuple[str, str, float], ...]:
-        """Events and channels in which the two most probable members differ most."""
-        found = []
-        reference = members[0].observations[0]
-        for event in self.events or ():
-            try:
-                a, b = (member.predict(event) for member in members[:2])
-            except SimulationError:
-                continue
-            for r, channel in enumerate(reference.channels):
-                distance = float(np.sqrt(np.sum((a[r] - b[r]) ** 2)) / reference.noise[r])
-                found.append((event.name, channel, distance))
-        return tuple(sorted(found, key=lambda item: -item[2]))
-
     def _verdict(self) -> Verdict:
         first = self.causes_[0]
-        figures = (
-            f"χ²/N is {self._base.chi2_per_sample:.3g} with parameters alone, "
-            f"{self._chosen.chi2_per_sample:.3g} with what was chosen."
-        )
         if self._nothing_to_explain or first.kind == "parameters":
             return self._judged()
         if first.kind == "unknown":
-            return self._unknown(figures)
-        form = alike = ""
-        at = "" if first.place in first.title else f" (at {first.place})"
-        if not first.exact:
-            form = (
-                f" It explains {100 * first.explained:.1f} % of what parameters leave, but not all: its form is not "
-                "exactly the library's, and values are those that come nearest."
+            text = conclusions.unknown_text(
+                self.tried_, self.effects is None, self._base, self.hypotheses_[0]
             )
-        if self.groups_:
-            alike = f" These recordings cannot tell it from: {', '.join(self.groups_[0].names[1:])}."
-        return Verdict(
-            first.kind,
-            f"{first.title}{at} explains what parameters cannot, with probability {first.probability:.2f}."
-            f"{form} {figures}{alike}",
-        )
+            return Verdict("unknown", f"{text} {self._located()}")
+        alike = self.groups_[0].names[1:] if self.groups_ else ()
+        return Verdict(first.kind, conclusions.named_text(first, self._chosen, self._base, alike))
 
     def _judged(self, held_out: Sequence[Observation] = ()) -> Verdict:
         """Verdict where no effect is needed."""
         passes = self._nothing_to_explain, True
         return judge(self._base.observations, self._nominal[0], self._calibrator, held_out, passes=passes)
 
-    def _unknown(self, figures: str) -> Verdict:
+    def _located(self) -> str:
+        """Where something unknown enters, in words; places are kept."""
         self._tell("places of an unknown signal")
         self.places_, count = rank_places(self._base)
-        self._count += count
-        where = ""
-        if self.places_:
-            place = self.places_[0]
-            where = (
-                f" A signal that enters at {place.place} of the {place.device} would explain it best "
-                f"({place.text})."
-            )
-        elif not any(effect.kind == "latent" for effect in self.simulator.effects):
-            where = " The simulator has no ports: what it lacks inside could neither be tried nor located."
-        best, doubt = self.hypotheses_[0], ""
-        if not self._base.converged:
-            doubt = (
-                " The search without effects did not end at a minimum, so that other values of the parameters may do "
-                "better: allow more starts, or narrow the bounds."
-            )
-        return Verdict(
-            "unknown",
-            f"Neither parameters nor any effect of the library leave only noise; the closest, {best.name}, leaves χ²/N "
-            f"{best.chi2_per_sample:.3g}. {figures}{where}{doubt}",
-        )
+        self.n_simulations_ += count
+        return conclusions.place_text(self.places_, self.simulator)

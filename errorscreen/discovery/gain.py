@@ -7,8 +7,8 @@ models is compared: as it was, recalibrated, and extended. The gain is
 
 over all held-out events. Its interval comes from a bootstrap over events and, within each, over blocks of time (the
 moving-block bootstrap of Künsch, Ann. Statist. 17, 1989, because errors are smooth in time). What a *placebo* gains,
-the extension by another effect with at least as many parameters, shows how much any additional freedom would have
-gained.
+the extension by a wrong effect with as many parameters where one was fitted, shows how much any additional freedom
+would have gained.
 """
 
 from __future__ import annotations
@@ -64,6 +64,8 @@ class Gain:
         Probability of the interval.
     placebo : float or None
         Gain of the placebo; None where there is none.
+    extension_parameters, placebo_parameters : int
+        How many parameters the extension has, and the placebo.
     events : tuple of EventGain
     """
 
@@ -75,6 +77,8 @@ class Gain:
     level: float
     placebo: float | None
     events: tuple[EventGain, ...]
+    extension_parameters: int = 0
+    placebo_parameters: int = 0
 
     @property
     def holds(self) -> bool:
@@ -140,7 +144,8 @@ def measure_gain(
         EventGain(o.event.name, *(float(np.sqrt(totals[k][e] / counts[e])) for k in range(3)))
         for e, o in enumerate(observations)
     )
-    return Gain(rms[0], rms[1], rms[2], gain, (float(low), float(high)), level, other, events)
+    more = [0 if m is None else len(m.parameters) - len(recalibrated.parameters) for m in (extended, placebo)]
+    return Gain(rms[0], rms[1], rms[2], gain, (float(low), float(high)), level, other, events, *more)
 
 
 def _squares(model: Simulator, observations: Sequence[Observation]) -> list[_Array]:

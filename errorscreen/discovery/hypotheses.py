@@ -12,7 +12,7 @@ second term is what BIC counts as :math:`\tfrac12 k \ln N`, but only for directi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.calibration.search import BoundedSearch
 from errorscreen.effects.base import Effect
+from errorscreen.events import Event
 from errorscreen.observations import Observation
 from errorscreen.simulators.base import Simulator
 
@@ -195,6 +196,43 @@ class JointFit:
         self._search.differentiate([best])
         assert best.jacobian is not None
         return described(self.effects, self.problem, best.u, best.residuals, best.jacobian, best.state)
+
+
+def candidates(
+    simulator: Simulator, observations: Sequence[Observation], names: Iterable[str] | None = None
+) -> list[Effect]:
+    """Effects to try: what belongs to one recording, an error of the event's record, is one for each of them.
+
+    An error of the record may also be the same in all of several recordings: a relay that is always late.
+
+    Parameters
+    ----------
+    simulator : Simulator
+    observations : sequence of Observation
+    names : iterable of str, optional
+        All of the simulator's where not given.
+    """
+    events = {o.event.name: o.event for o in observations}
+    found: list[Effect] = []
+    for effect in simulator.effects_named(names):
+        if not effect.occasional or effect.recording:
+            found.append(effect)
+            continue
+        happened = [name for name, event in events.items() if _applies(effect, event)]
+        if len(events) == 1:
+            found += [effect.during(name, rename=False) for name in happened]
+            continue
+        found += [effect.during(name) for name in happened]
+        if effect.kind == "event" and len(happened) > 1:
+            found.append(effect)
+    return found
+
+
+def _applies(effect: Effect, event: Event) -> bool:
+    """Whether an effect can change an event: a fault of another duration says nothing about a load step."""
+    if effect.kind != "event":
+        return True
+    return effect.equations(event, *(p.nominal for p in effect.parameters)) is not event
 
 
 def fit_hypothesis(

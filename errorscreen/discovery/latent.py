@@ -12,7 +12,11 @@ from errorscreen.discovery.hypotheses import Hypothesis, fit_hypothesis
 from errorscreen.effects.latent_input import KNOTS
 from errorscreen.events import InputSignal, Playback
 from errorscreen.exceptions import SimulationError
-from errorscreen.observations import Observation
+
+#: a signal that explains less than this share of what parameters leave beyond noise says nothing about the place
+_EXPLAINS = 0.1
+#: a quantity moves with another if their correlation is at least this
+_MOVES = 0.5
 
 _Array = NDArray[np.float64]
 
@@ -35,6 +39,8 @@ class Place:
         Quantities that it moves with, and the correlation, the largest first.
     unit : str
         Of the waveform.
+    explained : float
+        Share of what parameters leave beyond noise that the signal explains.
     """
 
     device: str
@@ -45,19 +51,23 @@ class Place:
     waveform: _Array
     follows: tuple[tuple[str, float], ...]
     unit: str = "pu"
+    explained: float = 1.0
 
     @property
     def text(self) -> str:
         """Size and dependence in words."""
         size = f"up to {np.abs(self.waveform).max():.2g} {self.unit}".rstrip()
-        if not self.follows:
+        if not self.follows or abs(self.follows[0][1]) < _MOVES:
             return size
         name, correlation = self.follows[0]
         return f"{size}, moves with {name}, correlation {correlation:.2f}"
 
 
 def rank_places(base: Hypothesis) -> tuple[list[Place], int]:
-    """Fit an unknown signal at each port together with all parameters.
+    """Fit an unknown signal at each port together with all parameters, one of its own in each recording.
+
+    What the best of them leaves beyond noise counts as noise of that size: where even a signal of free shape does not
+    fit, evidence says less about the place.
 
     Parameters
     ----------
@@ -67,35 +77,44 @@ def rank_places(base: Hypothesis) -> tuple[list[Place], int]:
     Returns
     -------
     places : list of Place
-        The most probable first; empty where the simulator has no ports.
+        The most probable first; empty where the simulator has no ports, or a signal explains next to nothing at any.
     n_simulations : int
     """
-    found: list[tuple[Hypothesis, _Array]] = []
+    found: list[Hypothesis] = []
     count = 0
+    events = dict.fromkeys(o.event.name for o in base.observations)
     for effect in base.simulator.effects:
         if effect.kind != "latent":
             continue
-        simulator = base.simulator.extend(effect)
-        names = [n for n in simulator.parameters.names if n != effect.local("on")]
+        signals = [effect.during(name) for name in events]
+        simulator = base.simulator
+        for signal in signals:
+            simulator = simulator.extend(signal)
+        on = {signal.local(signal.strength.name) for signal in signals}
+        names = [name for name in simulator.parameters.names if name not in on]
         problem = FitProblem(simulator, list(base.observations), names)
-        start = np.concatenate([base.u, np.zeros(KNOTS)])
+        start = np.concatenate([base.u, np.zeros(KNOTS * len(signals))])
         try:
-            hypothesis = fit_hypothesis((effect,), problem, start)
+            found.append(fit_hypothesis(signals, problem, start))
         except SimulationError:
             continue
         finally:
             count += problem.n_simulations
-        index = [simulator.parameters.index(effect.local(f"a{i}")) for i in range(KNOTS)]
-        found.append((hypothesis, hypothesis.theta[index]))
-    if not found:
+    shares = [_explained(hypothesis, base) for hypothesis in found]
+    if not found or max(shares) < _EXPLAINS:
         return [], count
-    weights = np.array([h.evidence for h, _ in found])
-    weights = np.exp(weights - weights.max())
+    logs = np.array([hypothesis.evidence for hypothesis in found])
+    logs /= max(1.0, min(hypothesis.chi2_per_sample for hypothesis in found))
+    weights = np.exp(logs - logs.max())
     weights /= weights.sum()
-    places = [
-        _place(h, knots, float(w), base.observations[0]) for (h, knots), w in zip(found, weights, strict=True)
-    ]
+    places = [_place(h, float(w), share) for h, w, share in zip(found, weights, shares, strict=True)]
     return sorted(places, key=lambda p: (-p.probability, p.chi2_per_sample)), count
+
+
+def _explained(hypothesis: Hypothesis, base: Hypothesis) -> float:
+    """Share of what the base leaves beyond noise that a hypothesis explains."""
+    n = len(base.residuals)
+    return float(np.clip((base.chi2 - hypothesis.chi2) / max(base.chi2 - n, 1.0), 0.0, 1.0))
 
 
 def waveform(knots: _Array, time: _Array, start: float) -> _Array:
@@ -110,8 +129,10 @@ def waveform(knots: _Array, time: _Array, start: float) -> _Array:
     return np.interp(s, np.arange(KNOTS + 1), np.r_[0.0, knots])
 
 
-def _place(hypothesis: Hypothesis, knots: _Array, probability: float, observation: Observation) -> Place:
-    (effect,) = hypothesis.effects
+def _place(hypothesis: Hypothesis, probability: float, explained: float) -> Place:
+    effect, observation = hypothesis.effects[0], hypothesis.observations[0]
+    parameters = hypothesis.simulator.parameters
+    knots = hypothesis.theta[[parameters.index(effect.local(f"a{i}")) for i in range(KNOTS)]]
     time, start = observation.time, observation.event.start
     signal = waveform(knots, time, start)
     after = time >= start
@@ -134,5 +155,13 @@ def _place(hypothesis: Hypothesis, knots: _Array, probability: float, observatio
     device = effect.device or getattr(getattr(hypothesis.simulator, "device", None), "name", "model")
     unit = effect.parameters[1].unit
     return Place(
-        device, effect.port, probability, hypothesis.chi2_per_sample, time, signal, tuple(follows), unit
+        device,
+        effect.port,
+        probability,
+        hypothesis.chi2_per_sample,
+        time,
+        signal,
+        tuple(follows),
+        unit,
+        explained,
     )

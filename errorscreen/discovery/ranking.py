@@ -50,6 +50,11 @@ class Cause:
     exact : bool
         Whether it leaves only noise. If not, the effect is of this kind but has another form than the library's, and
         its values are those that come nearest.
+    event : bool
+        Whether it is only about what happened during one recording (`Effect.occasional`): an error of the event's
+        record, or a forced oscillation. On other recordings it is off.
+    withdrawn : bool
+        Whether recordings that were not fitted refute it; its probability is 0 then.
     """
 
     name: str
@@ -60,6 +65,8 @@ class Cause:
     parameters: dict[str, tuple[float, float, float]]
     explained: float
     exact: bool
+    event: bool = False
+    withdrawn: bool = False
 
 
 @dataclass(frozen=True)
@@ -181,6 +188,7 @@ def _cause(found: Competition, hypothesis: Hypothesis, probability: float, exact
         {e.local(n): v for e in effects for n, v in hypothesis.parameters_of(e, width).items()},
         _explained(found, hypothesis),
         exact,
+        bool(effects) and all(effect.occasional for effect in effects),
     )
 
 

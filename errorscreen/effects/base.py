@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,8 @@ Values = dict[str, NDArray[np.float64]]
 
 #: what an effect is: part of the plant, of the measurement, of what happened in the grid, or an unknown signal
 KINDS = ("mechanism", "measurement", "event", "latent")
+#: between the name of an effect and that of the only recording in which it acts
+DURING = "@"
 #: scale of an effect's parameter in multiples of its range: a prior of 0.3 times that is nearly flat
 _SCALE = 2.0
 
@@ -115,6 +118,11 @@ class Effect:
     smallest : mapping of str to float
         Of a parameter whose range begins at 0, or is symmetrical: smallest magnitude that matters. A search draws in
         the logarithm from there.
+    occasional : bool
+        Belongs to what happened during one recording, and not to the plant: an error of the event's record, or a forced
+        oscillation. Nothing follows from it for other recordings.
+    recording : str
+        Name of the only event in which it acts, see `during`; empty for all.
     """
 
     name: str
@@ -135,6 +143,8 @@ class Effect:
     beside: tuple[str, ...] = ()
     minima: int = 1
     smallest: Mapping[str, float] = field(default_factory=dict, hash=False)
+    occasional: bool = False
+    recording: str = ""
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -165,6 +175,44 @@ class Effect:
         'synchronous_machine.governor'
         """
         return replace(self, name=f"{device}.{self.name}", device=device)
+
+    def during(self, recording: str, *, rename: bool = True) -> Effect:
+        """The same effect, in the event of one recording only.
+
+        Parameters
+        ----------
+        recording : str
+            Name of the event.
+        rename : bool
+            Whether its name tells that: otherwise a model can have it for one recording only.
+
+        Examples
+        --------
+        >>> from errorscreen.effects import FAULT_DURATION
+        >>> FAULT_DURATION.during("fault at 3").name
+        'fault_duration@fault at 3'
+        """
+        if not rename:
+            return replace(self, recording=recording)
+        # names of effects are joined by " + "
+        name = f"{self.original}{DURING}{recording.replace(' + ', ' & ')}"
+        return replace(self, name=name, title=f"{self.title}, in {recording}", recording=recording)
+
+    def acts_in(self, event: Any) -> bool:
+        """Whether it acts in an event."""
+        return self.recording in ("", event.name)
+
+    def clashes_with(self, other: Effect) -> bool:
+        """Whether a model cannot have both: the same effect in the same event. Errors of its record add up."""
+        if self.name == other.name:
+            return True
+        apart = self.recording and other.recording and self.recording != other.recording
+        return self.original == other.original and self.kind != "event" and not apart
+
+    @property
+    def original(self) -> str:
+        """Name without that of a recording: the one that a model knows it by."""
+        return self.name.partition(DURING)[0]
 
     def local(self, name: str) -> str:
         """Name of one of the effect's own quantities in the model's name space."""

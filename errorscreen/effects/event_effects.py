@@ -47,6 +47,7 @@ def with_trip(event: Any, s: float, ends: tuple[int, int]) -> Any:
 FAULT_DURATION = Effect(
     "fault_duration", "Fault of another duration", "event", longer,
     (strength("d", 0.02, 0.1, "s", "event", "d", "additional duration; 0: as recorded", -0.05),), kind="event",
+    occasional=True,
     formula="clearing time = recorded + d",
     description="Protection cleared the fault later or earlier than the event list says: all channels are wrong from "
     "the recorded clearing on.",
@@ -56,6 +57,7 @@ FAULT_DURATION = Effect(
 FAULT_IMPEDANCE = Effect(
     "fault_impedance", "Fault with an impedance", "event", with_reactance,
     (strength("x", 0.01, 0.1, "pu", "event", "x", "additional reactance; 0: as recorded"),), kind="event",
+    occasional=True,
     formula="Zf = Zf* + j x",
     description="The fault was not bolted: the dip is less deep than in the simulation.",
     source="equation (E2)",
@@ -75,7 +77,8 @@ def branch_trip(ends: tuple[int, int]) -> Effect:
         f"trip_{ends[0]}_{ends[1]}", f"Branch {ends[0]}-{ends[1]} opened with the fault", "event",
         partial(with_trip, ends=ends),
         (strength("s", 1.0, 1.0, "", "event", "s", "share of the branch that is opened; 0: none"),), kind="event",
-    formula="Y = (1 − s) Y* from clearing on",
+        occasional=True,
+        formula="Y = (1 − s) Y* from clearing on",
         description="Protection cleared the fault by opening a branch, which the simulation leaves in service: another "
         "steady state and another swing.",
         source="equation (E3)",

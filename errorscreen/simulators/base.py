@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from errorscreen.effects.base import Effect
+from errorscreen.effects.base import DURING, Effect
 from errorscreen.events import Event
 from errorscreen.exceptions import InputError, SimulationError, unknown_name
 from errorscreen.observations import Observation
@@ -135,7 +135,7 @@ class Simulator(ABC):
         Parameters
         ----------
         effect : Effect or str
-            One of `effects`, or its name.
+            One of `effects`, or its name; also for one recording only, see `Effect.during`.
         **options : mapping
             Changes of a parameter's fields by its short name, for example ``K={"nominal": 50.0}``.
 
@@ -148,15 +148,19 @@ class Simulator(ABC):
         InputError
             If the effect is unknown or has been added before.
         """
-        name = effect if isinstance(effect, str) else str(getattr(effect, "name", effect))
+        wanted = effect if isinstance(effect, str) else str(getattr(effect, "name", effect))
         if not self.effects:
-            raise InputError(f"{type(self).__name__} has no ports, so {name!r} cannot be added")
+            raise InputError(f"{type(self).__name__} has no ports, so {wanted!r} cannot be added")
         library = {e.name: e for e in self.effects}
+        name, _, recording = (wanted, "", "") if wanted in library else wanted.partition(DURING)
+        recording = getattr(effect, "recording", recording)
         if name not in library:
-            raise unknown_name(name, library, kind="effect", where=repr(self))
-        if name in {e.name for e in self.extensions}:
-            raise InputError(f"the effect {name!r} has been added before", where=repr(self))
+            raise unknown_name(wanted, library, kind="effect", where=repr(self))
         added = library[name]
+        if recording:
+            added = added.during(recording, rename=wanted != name)
+        if any(other.clashes_with(added) for other in self.extensions):
+            raise InputError(f"the effect {wanted!r} has been added before", where=repr(self))
         space = ParameterSpace(added.parameters).replace(options)
         extended = copy.copy(self)
         extended.parameters = self.parameters.extend(replace(p, name=added.local(p.name)) for p in space)
@@ -183,6 +187,39 @@ class Simulator(ABC):
             if name not in library:
                 raise unknown_name(name, library, kind="effect", where=repr(self))
         return [library[name] for name in chosen]
+
+    def acting(self, theta: ArrayLike, event: Event) -> NDArray[np.float64]:
+        """Return parameter vectors (n, m) with all effects off that act in other recordings only.
+
+        Rows that become equal have the same response to the event.
+
+        Parameters
+        ----------
+        theta : array-like of shape (n, m)
+        event : Event
+        """
+        theta = np.asarray(theta, dtype=float)
+        off = [effect for effect in self.extensions if not effect.acts_in(event)]
+        if off:
+            theta = theta.copy()
+        for effect in off:
+            columns = [self.parameters.index(effect.local(p.name)) for p in effect.parameters]
+            theta[:, columns] = [0.0, *(p.nominal for p in effect.parameters[1:])]
+        return theta
+
+    def _acting(self, event: Event) -> tuple[Effect, ...]:
+        """Effects that act in an event, by the names that the model knows them by."""
+        return tuple(replace(e, name=e.original) for e in self.extensions if e.acts_in(event))
+
+    def _named(self, theta: NDArray[np.float64], event: Event) -> dict[str, NDArray[np.float64]]:
+        """Parameters (n,) by the names that the model knows them by, without those of effects that do not act."""
+        values = dict(zip(self.parameters.names, theta.T, strict=True))
+        for effect in self.extensions:
+            if effect.recording:
+                own = {p.name: values.pop(effect.local(p.name)) for p in effect.parameters}
+                if effect.acts_in(event):
+                    values |= {f"{effect.original}.{name}": column for name, column in own.items()}
+        return values
 
     def quantified(self, observation: Observation, theta: ArrayLike) -> Observation:
         """Return an observation with the uncertainty that it has if `theta` are the true parameters.

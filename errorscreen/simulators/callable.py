@@ -150,7 +150,7 @@ class CallableSimulator(Simulator):
             If the function returns another shape than outputs and event have.
         """
         event = self.event if event is None else event
-        theta = self.parameters.validate(theta)
+        theta = self.acting(self.parameters.validate(theta), event)
         own = theta[:, : theta.shape[1] - sum(len(e.parameters) for e in self.extensions)]
         out = np.full((len(own), len(self.channels), len(event.time)), np.nan)
         rows, reasons = self._called(own, event)

@@ -295,7 +295,7 @@ class ODESimulator(Simulator):
         """
         event = self._driven_by(self.event if event is None else event)
         self._initial.check(event)
-        theta = self.parameters.validate(theta)
+        theta = self.acting(self.parameters.validate(theta), event)
         # effects of the measurement see every step, and not only the instants that are compared
         errors = [e for e in self.extensions if e.kind == "measurement" and not isinstance(e, GenericEffect)]
         each_step = any(e.kind == "measurement" for e in self.extensions)

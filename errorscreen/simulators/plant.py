@@ -227,7 +227,8 @@ class PlantSimulator(Simulator):
             for names in (self._engine.model.states, self._engine.model.constants)
         )
         # a measurement sees every step, and not only the instants that are compared
-        distorted = any(effect.kind == "measurement" for effect in self.extensions)
+        acting = self._acting(event)
+        distorted = any(effect.kind == "measurement" for effect in acting)
         record = 1 if distorted else every
         finite = np.isfinite(x0).all(axis=1) & np.isfinite(constants).all(axis=1)
         start = np.broadcast_to(feasible, finite.shape) & finite
@@ -238,7 +239,7 @@ class PlantSimulator(Simulator):
                 x0[start], constants[start], self._injected(event, every, interpolation), h=h, every=record
             )
         if distorted:
-            out = measured(out, self.device.outputs, self.extensions, values, h)[..., ::every]
+            out = measured(out, self.device.outputs, acting, values, h)[..., ::every]
         with np.errstate(invalid="ignore"):
             well = (np.abs(out) < _PLAUSIBLE).all(axis=(1, 2))
         out[~well] = np.nan
@@ -299,9 +300,9 @@ class PlantSimulator(Simulator):
         values = {p.name: p.nominal * one for p in self.device.candidates}
         values |= {name: value * one for name, value in self.constants.items()}
         values |= switched_off(self.effects, len(theta))
-        values |= dict(zip(self.parameters.names, theta.T, strict=True))
+        values |= self._named(theta, event)
         values |= {name: float(event.initial[name]) * one for name in ("V", "P", "Q")}
-        for effect in self.extensions:
+        for effect in self._acting(event):
             if effect.recorded is not None:
                 own = [values[effect.local(p.name)] for p in effect.parameters]
                 values[effect.channel] = effect.recorded(values[effect.channel], *own)

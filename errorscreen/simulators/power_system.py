@@ -189,7 +189,7 @@ class PowerSystemSimulator(Simulator):
                 allowed="BusFault, LineTrip, LoadStep, GridEvent",
             )
         theta = self.parameters.validate(theta)
-        altering = [e for e in self.extensions if e.kind == "event"]
+        altering = [e for e in self.extensions if e.kind == "event" and e.acts_in(event)]
         if not altering:
             return self._run(theta, event, event)
         # rows that share what happened are simulated together
@@ -230,7 +230,8 @@ class PowerSystemSimulator(Simulator):
         )
         start = feasible & np.isfinite(x0).all(axis=1) & np.isfinite(constants).all(axis=1)
         # a measurement sees every step, and not only the instants that are compared
-        distorted = any(effect.kind == "measurement" for effect in self.extensions)
+        present = self._acting(event)
+        distorted = any(effect.kind == "measurement" for effect in present)
         record = 1 if distorted else every
         out = np.full((len(theta), len(self.channels), steps // record + 1), np.nan)
         # nothing moves before the event, unless an effect acts that may move things by itself
@@ -246,7 +247,7 @@ class PowerSystemSimulator(Simulator):
                 out[rows, :, : skipped // record] = part[:, :, :1]
                 out[rows, :, skipped // record :] = part
         if distorted:
-            out = measured(out, self.channels, self.extensions, values, h)[..., ::every]
+            out = measured(out, self.channels, present, values, h)[..., ::every]
         with np.errstate(invalid="ignore"):
             well = (np.abs(out) < _PLAUSIBLE).all(axis=(1, 2))
         out[~well] = np.nan
@@ -362,7 +363,7 @@ class PowerSystemSimulator(Simulator):
         for machine in self.machines:
             start = machine.initialise(voltage[machine.bus], flow.generation[machine.bus])
             values |= {qualified(machine_prefix(machine.bus), k): v * one for k, v in start.items()}
-        given = dict(zip(self.parameters.names, theta.T, strict=True))
+        given = self._named(theta, event)
         demand = flow.network.demand()
         for item in self._items:
             bus = self.network.index(item.bus)

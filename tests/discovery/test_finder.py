@@ -1,5 +1,6 @@
 """Hidden causes, drawn by seed, have to be found; where nothing is hidden, nothing may be found."""
 
+import copy
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from errorscreen.bench.discovery import run_scenario
 from errorscreen.bench.plant_scenarios import draw_plant_scenario
 from errorscreen.bench.trap_scenarios import draw_trap_scenario
-from errorscreen.discovery import CauseFinder, Verdict
+from errorscreen.discovery import CauseFinder
 from errorscreen.exceptions import InputError
 from tests.plants import plant
 
@@ -102,16 +103,21 @@ def test_an_extension_without_gain_is_withdrawn(found):
     hidden, finder, _ = found
     old = finder.recalibrated_simulator_
     against = [replace(o, values=old.baseline(o.event)) for o in hidden.held_out]
-    kept = finder.extended_simulator_, finder.verdict_
-    try:
-        gain = finder.measure_gain(against)
-        assert not gain.holds
-        assert finder.verdict_.kind == "unknown"
-        assert "withdrawn" in finder.verdict_.text
-        assert finder.extended_simulator_ is old
-    finally:
-        finder.extended_simulator_, finder.verdict_ = kept
-    assert isinstance(finder.verdict_, Verdict)
+    first, finder = finder.causes_[0], copy.copy(finder)
+    before = finder.n_simulations_
+    gain = finder.measure_gain(against)
+    assert not gain.holds
+    assert gain.extension_parameters == len(first.parameters)
+    assert gain.placebo_parameters > 0
+    assert finder.verdict_.kind == "unknown"
+    assert "withdrawn" in finder.verdict_.text
+    assert finder.extended_simulator_ is old
+    assert [c.name for c in finder.causes_[:2]] == ["unknown", first.name]
+    assert finder.causes_[1].withdrawn
+    assert sum(c.probability for c in finder.causes_) == pytest.approx(1)
+    assert finder.places_[0].place == "Efd"  # where the stabiliser acts
+    assert finder.places_[0].place in finder.verdict_.text
+    assert finder.n_simulations_ > before
 
 
 def test_bad_arguments_are_refused():
@@ -121,8 +127,14 @@ def test_bad_arguments_are_refused():
         CauseFinder(hidden.simulator, ["exciter"]).fit(recordings)
     with pytest.raises(InputError, match="effects is the text"):
         CauseFinder(hidden.simulator, "volt_var").fit(recordings)
-    with pytest.raises(InputError, match="significance"):
-        CauseFinder(hidden.simulator, significance=0.0).fit(recordings)
+    with pytest.raises(InputError, match="significance"):  # the bootstrap cannot tell it from 0
+        CauseFinder(hidden.simulator, significance=0.0009).fit(recordings)
+    with pytest.raises(InputError, match="holds one twice"):
+        CauseFinder(hidden.simulator, ["volt_var", "volt_var"]).fit(recordings)
+    with pytest.raises(InputError, match="list of effects is empty"):
+        CauseFinder(hidden.simulator, []).fit(recordings)
+    with pytest.raises(InputError, match="events holds a str"):
+        CauseFinder(hidden.simulator, events=["fault"]).fit(recordings)
     with pytest.raises(InputError, match="an object of a subclass of Simulator"):
         CauseFinder("a model").fit(recordings)
 
@@ -144,6 +156,15 @@ def test_a_perfect_model_is_within_noise():
     finder = CauseFinder(true, random_state=0, n_starts=1).fit(recordings)
     assert finder.verdict_.kind == "within-noise"
     assert list(finder.signatures_) == []
+    assert finder.tried_ == ()
+    finder.confirm(list(hidden.held_out))
+    assert finder.verdict_.kind == "within-noise"
+    assert "2 that were held out" in finder.verdict_.text
+    # what is wrong may show in other events only
+    moved = [replace(o, values=o.values + 20 * o.noise[:, None]) for o in hidden.held_out]
+    finder.confirm(moved)
+    assert finder.verdict_.kind == "unknown"
+    assert hidden.held_out[0].event.name in finder.verdict_.text
 
 
 def test_without_effects_only_parameters_are_judged():

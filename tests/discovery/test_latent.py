@@ -1,6 +1,11 @@
+from dataclasses import replace
+
 import numpy as np
 
-from errorscreen.discovery.latent import waveform
+from errorscreen.bench.plant_scenarios import draw_plant_scenario
+from errorscreen.discovery import CauseFinder
+from errorscreen.discovery.hypotheses import parameters_only
+from errorscreen.discovery.latent import rank_places, waveform
 from errorscreen.effects.latent_input import KNOTS, latent
 from tests.plants import dip, plant
 
@@ -24,3 +29,31 @@ def test_knots_lie_closer_together_after_the_event():
     assert np.all(np.diff(np.diff(at)) > 0)
     assert at[0] > 1.0
     assert np.isclose(at[-1], 5.0)
+
+
+def test_each_recording_has_a_signal_of_its_own():
+    """What reacts to the voltage enters with another waveform in each event; one for all misleads."""
+    hidden = draw_plant_scenario(np.random.SeedSequence(83, spawn_key=(12,)).spawn(2)[0], 40.0)
+    assert hidden.hidden == ("square_voltage",)
+    finder = CauseFinder(hidden.simulator, max_effects=0, random_state=0).fit(list(hidden.recordings))
+    first, second = finder.places_[:2]
+    assert first.place == hidden.place
+    assert first.probability > 0.9
+    assert first.explained > 0.9
+    assert first.chi2_per_sample < second.chi2_per_sample
+    name, correlation = first.follows[0]
+    assert name in ("V", "Q")
+    assert abs(correlation) > 0.5
+    assert f"moves with {name}" in first.text
+    assert "moves with" not in replace(first, follows=((name, 0.2),)).text
+
+
+def test_what_no_signal_explains_has_no_place():
+    hidden = draw_plant_scenario(1, 40.0, kind="nothing", device="pv_plant")
+    tone = np.sin(2 * np.pi * 25.0 * hidden.recordings[0].time)
+    recordings = [replace(o, values=o.values + 20 * np.outer(o.noise, tone)) for o in hidden.recordings]
+    base = parameters_only(hidden.simulator, recordings, hidden.theta, "converged")
+    assert base.chi2_per_sample > 50
+    places, count = rank_places(base)
+    assert places == []
+    assert count > 0

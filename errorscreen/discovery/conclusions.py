@@ -1,0 +1,158 @@
+"""What follows from fitted hypotheses: sentences of the verdict, what would separate them, and a placebo."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from errorscreen.discovery.gain import Gain
+from errorscreen.discovery.hypotheses import Hypothesis
+from errorscreen.discovery.latent import Place
+from errorscreen.discovery.ranking import Cause
+from errorscreen.effects.base import Effect
+from errorscreen.events import Event
+from errorscreen.exceptions import SimulationError
+from errorscreen.simulators.base import Simulator
+
+#: an effect of which a placebo is made must be less probable than this
+_PLACEBO = 0.05
+#: names of effects that are told in a sentence, at most
+_TOLD = 6
+
+
+def separating(members: Sequence[Hypothesis], events: Sequence[Event]) -> tuple[tuple[str, str, float], ...]:
+    """Events and channels in which the two most probable hypotheses differ most, see `Group.separating`."""
+    found = []
+    reference = members[0].observations[0]
+    for event in events:
+        try:
+            a, b = (member.predict(event) for member in members[:2])
+        except SimulationError:
+            continue
+        for r, channel in enumerate(reference.channels):
+            distance = float(np.sqrt(np.sum((a[r] - b[r]) ** 2)) / reference.noise[r])
+            found.append((event.name, channel, distance))
+    return tuple(sorted(found, key=lambda item: -item[2]))
+
+
+def placebo(
+    hypotheses: Sequence[Hypothesis], chosen: Hypothesis, causes: Sequence[Cause]
+) -> Hypothesis | None:
+    """Fitted hypothesis with wrong effects that has the most parameters, up to those of what was chosen.
+
+    Parameters
+    ----------
+    hypotheses : sequence of Hypothesis
+    chosen : Hypothesis
+    causes : sequence of Cause
+        What they consider possible is no placebo.
+
+    Returns
+    -------
+    Hypothesis or None
+        The most evident of those with as many parameters; None where nothing wrong was fitted, or nothing was chosen.
+    """
+    used = {e.name for e in chosen.effects}
+    used |= {name for c in causes if c.probability > _PLACEBO for name in c.name.split(" + ")}
+    wrong = [h for h in hypotheses if h.effects and used.isdisjoint(e.name for e in h.effects)]
+    if not chosen.effects or not wrong:
+        return None
+    own = freedom(chosen.effects)
+    # what acts in the fitted recordings only would not show on others
+    acting = [h for h in wrong if not any(e.occasional for e in h.effects)] or wrong
+    return max(acting, key=lambda h: (min(freedom(h.effects), own), h.evidence))
+
+
+def freedom(effects: Sequence[Effect]) -> int:
+    """Number of parameters of some effects."""
+    return sum(len(effect.parameters) for effect in effects)
+
+
+def named_text(cause: Cause, chosen: Hypothesis, base: Hypothesis, alike: Sequence[str]) -> str:
+    """Reasons for a verdict that names something.
+
+    Parameters
+    ----------
+    cause : Cause
+    chosen, base : Hypothesis
+        With it, and with parameters alone.
+    alike : sequence of str
+        What these recordings cannot tell it from.
+    """
+    at = "" if cause.place in cause.title else f" (at {cause.place})"
+    text = f"{cause.title}{at} explains what parameters cannot, with probability {cause.probability:.2f}."
+    if cause.event:
+        text += " It belongs to what happened during this recording, and not to the model."
+    if not cause.exact:
+        text += (
+            f" It explains {100 * cause.explained:.1f} % of what parameters leave, but not all: its form is not "
+            "exactly the library's, and values are those that come nearest."
+        )
+    text += f" χ²/N is {base.chi2_per_sample:.3g} with parameters alone, "
+    text += f"{chosen.chi2_per_sample:.3g} with what was chosen."
+    return text + (f" These recordings cannot tell it from: {', '.join(alike)}." if alike else "")
+
+
+def unknown_text(
+    tried: Sequence[str],
+    whole: bool,
+    base: Hypothesis,
+    closest: Hypothesis,
+) -> str:
+    """Reasons for the verdict "unknown".
+
+    Parameters
+    ----------
+    tried : sequence of str
+        Names of the effects.
+    whole : bool
+        Whether these are all of the library.
+    base, closest : Hypothesis
+        With parameters alone, and what is most evident of all that was fitted.
+    """
+    leaves = f"χ²/N {base.chi2_per_sample:.3g}"
+    if not tried:
+        text = f"Parameters alone leave more than noise, {leaves}; no effect was tried."
+    else:
+        names = ", ".join(tried[:_TOLD]) + (" and others" if len(tried) > _TOLD else "")
+        which = "any effect of the library" if whole else f"any of the effects that were tried ({names})"
+        text = f"Neither parameters nor {which} leave only noise: parameters alone leave {leaves}"
+        if closest.effects:
+            text += f", the closest, {closest.name}, {closest.chi2_per_sample:.3g}"
+        text += "."
+    if not base.converged:
+        text += (
+            " The search without effects did not end at a minimum, so that other values of the parameters may do "
+            "better: allow more starts, or narrow the bounds."
+        )
+    return text
+
+
+def place_text(places: Sequence[Place], simulator: Simulator) -> str:
+    """Where something unknown enters, as far as the simulator has places for it."""
+    if places:
+        first = places[0]
+        return f"A signal that enters at {first.place} of the {first.device} would explain it best ({first.text})."
+    if not any(effect.kind == "latent" for effect in simulator.effects):
+        return "The simulator has no ports: what it lacks inside could neither be tried nor located."
+    return "An unknown signal explains it at none of the simulator's ports."
+
+
+def withdrawn_text(cause: Cause, gain: Gain) -> str:
+    """Why what was named is withdrawn."""
+    low, high = gain.interval
+    other = "" if gain.placebo is None else f", a placebo {gain.placebo:.2f}"
+    return (
+        f"{cause.title} explains what was fitted but gains nothing on recordings that were not: {gain.gain:.2f} "
+        f"[{low:.2f}, {high:.2f}] of the squared error{other}. The extension is withdrawn."
+    )
+
+
+def withdrawn(causes: Sequence[Cause]) -> list[Cause]:
+    """Causes after the first has been refuted: what was its probability is that of something unknown."""
+    first, others = causes[0], [c for c in causes[1:] if c.kind != "unknown"]
+    unknown = next(c for c in causes if c.kind == "unknown")
+    unknown = replace(unknown, probability=unknown.probability + first.probability)
+    return [unknown, replace(first, probability=0.0, withdrawn=True), *others]

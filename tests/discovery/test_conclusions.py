@@ -1,0 +1,83 @@
+"""What follows from fitted hypotheses: groups, placebo, sentences."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from errorscreen.bench.plant_scenarios import draw_plant_scenario
+from errorscreen.discovery import CauseFinder, conclusions
+from errorscreen.effects import GOVERNOR, STABILISER, measurement_effects
+from errorscreen.simulators import PlantSimulator
+
+
+@pytest.fixture(scope="module")
+def twins():
+    """A governor hidden in a machine, and two effects in the library that are the same."""
+    hidden = draw_plant_scenario(12, 40.0, kind="effect", device="synchronous_machine")
+    old = hidden.simulator
+    twin = replace(STABILISER, name="twin", title="Twin of the stabiliser")
+    model = PlantSimulator(
+        "synchronous_machine",
+        hidden.recordings[0],
+        effects=(GOVERNOR, STABILISER, twin, *measurement_effects(("P", "Q"))),
+        n_threads=1,
+    )
+    truth = old.extend("stabiliser")
+    values = [*hidden.theta, *(p.nominal for p in STABILISER.parameters)]
+    recordings = [
+        replace(
+            o,
+            values=truth.simulate(values, o.event).values[0]
+            + o.noise[:, None] * np.random.default_rng(k).standard_normal(o.values.shape),
+        )
+        for k, o in enumerate(hidden.recordings)
+    ]
+    events = [o.event for o in hidden.held_out]
+    finder = CauseFinder(
+        model, ["stabiliser", "twin", "governor", "lag_P"], events=events, random_state=0
+    ).fit(recordings)
+    return finder, events
+
+
+def test_what_cannot_be_told_apart_is_named_together(twins):
+    finder, events = twins
+    (group,) = finder.groups_
+    assert set(group.names) == {"stabiliser", "twin"}
+    assert sum(c.probability for c in finder.causes_ if c.name in group.names) > 0.9
+    other = group.names[1]
+    assert f"cannot tell it from: {other}" in finder.verdict_.text
+    # an event and channel for each, and nothing that separates what is the same
+    assert {(e, c) for e, c, _ in group.separating} == {(e.name, c) for e in events for c in ("P", "Q")}
+    assert max(d for _, _, d in group.separating) < 3.0
+
+
+def test_the_event_in_which_two_differ_most_comes_first(twins):
+    finder, events = twins
+    by_name = {h.name: h for h in finder.hypotheses_}
+    found = conclusions.separating([by_name["stabiliser"], by_name["governor"]], events)
+    distances = [d for _, _, d in found]
+    assert distances == sorted(distances, reverse=True)
+    assert distances[0] > 3.0
+
+
+def test_a_placebo_has_as_many_parameters_where_one_was_fitted(twins):
+    finder, _ = twins
+    assert finder.placebo_ is not None
+    used = set(finder.groups_[0].names)
+    assert used.isdisjoint(e.name for e in finder.placebo_.effects)
+    wrong = [h for h in finder.hypotheses_ if h.effects and used.isdisjoint(e.name for e in h.effects)]
+    own = conclusions.freedom(finder.best_.effects)
+    most = max(min(conclusions.freedom(h.effects), own) for h in wrong)
+    assert min(conclusions.freedom(finder.placebo_.effects), own) == most
+
+
+def test_sentences_say_what_was_tried(twins):
+    finder, _ = twins
+    base = next(h for h in finder.hypotheses_ if not h.effects)
+    assert "no effect was tried" in conclusions.unknown_text((), True, base, base)
+    text = conclusions.unknown_text(("governor", "lag_P"), False, base, finder.best_)
+    assert "any of the effects that were tried (governor, lag_P)" in text
+    assert finder.best_.name in text
+    assert "any effect of the library" in conclusions.unknown_text(("governor",), True, base, base)
+    assert "no ports" in conclusions.place_text([], finder.simulator)
