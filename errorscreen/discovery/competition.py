@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.discovery.hypotheses import Hypothesis, JointFit, linearised
+from errorscreen.discovery.hypotheses import SLICE, SLICES, Hypothesis, JointFit, linearised
+from errorscreen.discovery.journal import Journal
 from errorscreen.discovery.remainder import Remainder, remainder_test
-from errorscreen.discovery.restarts import elsewhere, escapes, off_the_edge, searched
+from errorscreen.discovery.restarts import elsewhere, escapes, followed, off_the_edge, searched
 from errorscreen.discovery.signatures import SignatureSearch, projected
 from errorscreen.effects.base import Effect
 from errorscreen.exceptions import SimulationError
@@ -25,16 +27,10 @@ _WORTH = 4.0
 #: effects with the best signatures, for each that is fitted to the end, whose joint fit begins; beside another effect
 #: that explains most of it, signatures say more
 _TRIED, _TRIED_BESIDE = 2, 1
-#: effects that go on to the second round of draws for their signatures and to those after it, the best for each that is
-#: fitted to the end
-_RACE = (4, 2, 1)
-#: starts that are followed and iterations at a time, starts that are kept after the first, times that those that got
-#: furthest go on
-_BEGUN, _FIRST, _KEPT, _SLICES = 3, 5, 2, 6
+#: starts that are followed, and those that are kept after the first iterations
+_BEGUN, _KEPT = 3, 2
 #: times that a fit is led out of a local minimum
 _ESCAPES = 3
-#: starts all over the ranges of a fit that is led out of a local minimum: how many are kept after how many iterations
-_HALVING = ((16, 3), (8, 6))
 #: what leaves more than this share of what parameters leave is not worth it
 _PART = 0.5
 #: most parameters of a model with its effects, for a search of all their ranges
@@ -63,6 +59,8 @@ class Competition:
     seed : int
     tell : callable
         Takes lines of text.
+    journal : Journal, optional
+        Of the parts that are finished.
 
     Attributes
     ----------
@@ -87,9 +85,11 @@ class Competition:
         significance: float,
         seed: int,
         tell: Callable[[str], None],
+        journal: Journal | None = None,
     ) -> None:
         self.max_effects, self.n_fits, self.n_draws = max_effects, n_fits, n_draws
         self.significance, self.seed, self.tell = significance, seed, tell
+        self._journal = Journal() if journal is None else journal
         self.simulator = base.simulator
         self.hypotheses: list[Hypothesis] = []
         self.remainders: dict[str, Remainder] = {}
@@ -182,21 +182,30 @@ class Competition:
             zero = np.zeros(len(base.u))
             points.append((zero, linearised(problem, zero)[1]))
             self.n_simulations += problem.n_simulations
-        searches = []
-        for number, effect in enumerate(effects):
-            seed = np.random.SeedSequence(self.seed, spawn_key=(number, len(base.effects)))
-            one = SignatureSearch(simulator, observations, effect, points, self.n_draws, seed)
-            searches.append(one.run(1))
-        for rounds, share in enumerate(_RACE, start=2):
-            searches.sort(key=lambda s: s.objective)
-            for one in searches[: share * self.n_fits]:
-                one.run(rounds)
+        seeds = [
+            np.random.SeedSequence(self.seed, spawn_key=(n, len(base.effects))) for n in range(len(effects))
+        ]
+        searches = [
+            SignatureSearch(simulator, observations, effect, points, self.n_draws, seed)
+            for effect, seed in zip(effects, seeds, strict=True)
+        ]
+        searches = self._journal.raced(searches, self.n_fits)
         if not base.effects:
             self.signatures |= {s.effect.name: s.objective for s in searches if np.isfinite(s.objective)}
-        return sorted(searches, key=lambda s: s.objective)
+        return searches
 
     def _compete(self, base: Hypothesis, searches: Sequence[SignatureSearch]) -> list[Hypothesis]:
         """Fit effects for a few iterations each and those that get furthest to the end."""
+        problems = {search.effect.name: search.problem for search in searches}
+        done = self._journal.all_fitted(
+            problems, lambda: [fit.hypothesis() for fit in self._raced(base, searches)]
+        )
+        for hypothesis in done:
+            self._keep(hypothesis, self._test(hypothesis))
+        return done
+
+    def _raced(self, base: Hypothesis, searches: Sequence[SignatureSearch]) -> list[JointFit]:
+        """Joint fits that got furthest."""
         threshold = base.objective - _WORTH if self.is_adequate(base) else np.inf
         known = {frozenset(e.name for e in h.effects) for h in self.hypotheses}
         matches = 0 if base.effects else min(_MATCHES, _MATCHES_EACH * len(base.u))
@@ -208,35 +217,36 @@ class Competition:
                 continue
             with contextlib.suppress(SimulationError):
                 starts = search.starts(matches)
-                fits.append(JointFit(effects, search.problem, starts).keep(_BEGUN).run(_FIRST).keep(_KEPT))
+                fits.append(JointFit(effects, search.problem, starts).keep(_BEGUN).run(SLICE).keep(_KEPT))
         fits = sorted(fits, key=lambda fit: fit.objective)[: self.n_fits]
         running = list(fits)
-        for _ in range(_SLICES):
-            running = [fit.run(_FIRST) for fit in running if fit.active]
+        for _ in range(SLICES):
+            running = [fit.run(SLICE) for fit in running if fit.active]
             # one that has come to rest far above the best will not catch up
             best = min((fit.objective for fit in fits), default=0.0)
             running = [fit for fit in running if fit.may_reach(best)]
-        done = []
-        for fit in fits:
-            hypothesis = fit.hypothesis()
-            self._keep(hypothesis, self._test(hypothesis))
-            done.append(hypothesis)
-        return done
+        return fits
 
     def _escape(self, hypothesis: Hypothesis) -> Hypothesis:
         """Follow ways out of a local minimum, as long as they lead lower; with few parameters, search everywhere."""
         problem = FitProblem(hypothesis.simulator, list(hypothesis.observations), hypothesis.names)
         for _ in range(_ESCAPES):
-            starts = [] if self.is_adequate(hypothesis) else escapes(hypothesis, problem, self.seed)[:_KEPT]
-            better = self._better(hypothesis, problem, starts)
+            if self.is_adequate(hypothesis):
+                break
+            better = self._better(hypothesis, problem, partial(self._ways_out, hypothesis, problem))
             if better is None:
                 break
             hypothesis = better
         many = any(effect.minima > 1 for effect in hypothesis.effects)
         if many and len(problem.names) <= _FEW and not self.is_adequate(hypothesis):
-            hypothesis = self._better(hypothesis, problem, [searched(problem, self.seed)]) or hypothesis
+            hypothesis = (
+                self._better(hypothesis, problem, lambda: [searched(problem, self.seed)]) or hypothesis
+            )
         self.n_simulations += problem.n_simulations
         return hypothesis
+
+    def _ways_out(self, hypothesis: Hypothesis, problem: FitProblem) -> list[_Array]:
+        return escapes(hypothesis, problem, self.seed)[:_KEPT]
 
     def _settle(self) -> None:
         """Lead what will be named out of local minima, if an effect has many: its values count, not only its name."""
@@ -251,30 +261,23 @@ class Competition:
         if not self.is_adequate(found) and left > _NAMED * whole:
             return
         problem = FitProblem(found.simulator, list(found.observations), found.names)
-        found = self._better(found, problem, off_the_edge(found, problem, self.seed)[:_KEPT]) or found
-        self._better(found, problem, escapes(found, problem, self.seed)[:_KEPT])
+        off = partial(off_the_edge, found, problem, self.seed)
+        found = self._better(found, problem, lambda: off()[:_KEPT]) or found
+        self._better(found, problem, partial(self._ways_out, found, problem))
         self.n_simulations += problem.n_simulations
 
     def _better(
-        self, hypothesis: Hypothesis, problem: FitProblem, starts: Sequence[_Array] | _Array
+        self, hypothesis: Hypothesis, problem: FitProblem, starts: Callable[[], Sequence[_Array] | _Array]
     ) -> Hypothesis | None:
         """Fit a hypothesis from other starts, and take it in place of this one; None if that does not lead lower."""
-        if not len(starts):
-            return None
-        try:
-            fit = JointFit(hypothesis.effects, problem, np.array(starts))
-            for kept, iterations in _HALVING:
-                fit.keep(kept).run(iterations)
-            fit.keep(_BEGUN)
-            for _ in range(_SLICES):
-                if fit.active and fit.may_reach(hypothesis.objective):
-                    fit.run(_FIRST)
-            if fit.objective > hypothesis.objective - _WORTH:
-                return None
-            better = fit.hypothesis()
-        except SimulationError:
-            return None
-        self._keep(better, self._test(better), hypothesis)
+
+        def fit() -> Hypothesis | None:
+            points = starts()
+            return followed(hypothesis, problem, points, _WORTH) if len(points) else None
+
+        better = self._journal.fitted(hypothesis.effects, problem, fit)
+        if better is not None:
+            self._keep(better, self._test(better), hypothesis)
         return better
 
     def _polish(self, hypothesis: Hypothesis) -> Hypothesis:
@@ -370,9 +373,7 @@ class Competition:
         self._spread_out.add(hypothesis.name)
         self.tell(f"other starts of {hypothesis.name}")
         problem = FitProblem(hypothesis.simulator, list(hypothesis.observations), hypothesis.names)
-        better = None
-        with contextlib.suppress(SimulationError):
-            better = self._better(hypothesis, problem, elsewhere(hypothesis, problem, self.seed))
+        better = self._better(hypothesis, problem, lambda: elsewhere(hypothesis, problem, self.seed))
         self.n_simulations += problem.n_simulations
         return self._polish(self._escape(better or hypothesis))
 
@@ -388,10 +389,9 @@ class Competition:
         for effect in effects:
             simulator = simulator.extend(effect)
         problem = FitProblem(simulator, list(observations))
-        try:
-            fit = JointFit(effects, problem, [h.deviations(problem.names) for h in starts])
-            return fit.run(_FIRST * _SLICES).hypothesis()
-        except SimulationError:
-            return None
-        finally:
-            self.n_simulations += problem.n_simulations
+        points = [h.deviations(problem.names) for h in starts]
+        found = self._journal.fitted(
+            effects, problem, lambda: JointFit(effects, problem, points).run(SLICE * SLICES).hypothesis()
+        )
+        self.n_simulations += problem.n_simulations
+        return found

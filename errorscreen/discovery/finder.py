@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -10,17 +11,21 @@ from numpy.typing import NDArray
 from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
+from errorscreen import __version__
 from errorscreen.calibration import MAPCalibrator
 from errorscreen.calibration.problem import FitProblem
+from errorscreen.checkpoint import Checkpoint, digest
 from errorscreen.discovery import conclusions
 from errorscreen.discovery.competition import Competition
 from errorscreen.discovery.diagnosis import Verdict, judge
 from errorscreen.discovery.gain import Gain, measure_gain
 from errorscreen.discovery.hypotheses import PRIOR, Hypothesis, candidates, parameters_only
 from errorscreen.discovery.intervals import with_profiles
+from errorscreen.discovery.journal import Journal
 from errorscreen.discovery.latent import Place, rank_places
 from errorscreen.discovery.ranking import Group, rank_causes
 from errorscreen.discovery.remainder import Remainder, remainder_test
+from errorscreen.effects.base import Effect
 from errorscreen.events import Event
 from errorscreen.exceptions import InputError, check_integer, check_real
 from errorscreen.observations import Observation
@@ -67,6 +72,8 @@ class CauseFinder(BaseEstimator):
     random_state : None, int, SeedSequence, Generator or RandomState
     report : callable, optional
         Takes lines of text while it works.
+    checkpoint : path-like, optional
+        Folder for the parts of the search that are finished: after an interruption the same fit goes on from there.
 
     Attributes
     ----------
@@ -120,6 +127,7 @@ class CauseFinder(BaseEstimator):
         events: Iterable[Event] | None = None,
         random_state: Any = None,
         report: Callable[[str], None] | None = None,
+        checkpoint: str | PathLike[str] | None = None,
     ) -> None:
         self.simulator = simulator
         self.effects = effects
@@ -132,6 +140,7 @@ class CauseFinder(BaseEstimator):
         self.events = events
         self.random_state = random_state
         self.report = report
+        self.checkpoint = checkpoint
 
     def fit(self, X: Any, y: None = None) -> CauseFinder:
         """Fit all hypotheses to one recording, or to several together.
@@ -145,7 +154,7 @@ class CauseFinder(BaseEstimator):
         Raises
         ------
         InputError
-            If an argument or a recording cannot be used.
+            If an argument or a recording cannot be used, or the checkpoint belongs to another search.
         SimulationError
             If nothing can be simulated.
         """
@@ -175,6 +184,7 @@ class CauseFinder(BaseEstimator):
             significance=self.significance,
             seed=self._seed,
             tell=self._tell,
+            journal=self._journal(observations, library),
         )
         self._nominal = self._baseline(observations)
         self.tried_: tuple[str, ...] = ()
@@ -228,6 +238,22 @@ class CauseFinder(BaseEstimator):
         if not chosen and self.max_effects:
             raise InputError("the list of effects is empty", allowed="at least one effect, or max_effects=0")
         return tuple(chosen)
+
+    def _journal(self, observations: Sequence[Observation], library: Sequence[Effect]) -> Journal:
+        """Finished parts of this very search."""
+        if self.checkpoint is None:
+            return Journal()
+        arguments = (self.max_effects, self.n_fits, self.n_draws, self.significance)
+        fingerprint = {
+            "version": digest(__version__),
+            "simulator": digest(type(self.simulator).__name__, self.simulator.settings()),
+            "parameters": digest(list(self.simulator.parameters)),
+            "effects": digest([effect.name for effect in library]),
+            "recordings": digest(observations),
+            "arguments": digest(*arguments, self.n_starts, self.library_size),
+            "seed": digest(self._seed),
+        }
+        return Journal(Checkpoint(self.checkpoint, fingerprint))
 
     def _tell(self, line: str) -> None:
         if self.report is not None:

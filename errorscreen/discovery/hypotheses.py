@@ -29,6 +29,8 @@ from errorscreen.simulators.base import Simulator
 #: standard deviation of the prior in multiples of each parameter's scale, as `MAPCalibrator` has it by default
 PRIOR = 0.3
 _TOL, _STEP = 1e-2, 1e-4
+#: iterations at a time, and how many times a fit goes on for so many
+SLICE, SLICES = 5, 6
 _ENDED = ("converged", "kink")
 #: a joint fit goes on while its distance from the best is less than so many times what it gained last
 _HOPE = 20.0
@@ -184,6 +186,13 @@ class JointFit:
     def may_reach(self, objective: float) -> bool:
         """Whether an objective is within reach, by what was gained last."""
         return self.objective - objective < _HOPE * max(self.gained, 1.0)
+
+    def pursue(self, objective: float) -> JointFit:
+        """Go on for up to six slices of five iterations, as long as an objective may be reached."""
+        for _ in range(SLICES):
+            if self.active and self.may_reach(objective):
+                self.run(SLICE)
+        return self
 
     def keep(self, n: int) -> JointFit:
         """Drop all but the best starts."""

@@ -30,6 +30,8 @@ _GROWTH = (
     (0.1, 16, 3), (0.15, 12, 2), (0.2, 12, 2), (0.25, 10, 3), (0.33, 10, 3),
     (0.4, 8, 3), (0.5, 8, 3), (0.6, 6, 3), (0.7, 6, 3), (0.85, 6, 3),
 )  # fmt: skip
+#: starts that are kept after so many iterations each, and those that are followed to the end
+_HALVING, _FOLLOWED = ((16, 3), (8, 6)), 3
 #: individuals for each parameter, and generations, of a global search
 _CROWD, _GENERATIONS = 16, 80
 #: shares of its range by which a parameter is moved off an edge
@@ -159,6 +161,33 @@ def grown(effects: Sequence[Effect], problem: FitProblem, starts: ArrayLike) -> 
         starts = JointFit(effects, part, starts).keep(kept).run(iterations).reached
         problem.n_simulations += part.n_simulations
     return np.asarray(starts)
+
+
+def followed(
+    hypothesis: Hypothesis, problem: FitProblem, starts: ArrayLike, worth: float
+) -> Hypothesis | None:
+    """Fit of a hypothesis from other starts (s, k), of which fewer and fewer are kept.
+
+    Parameters
+    ----------
+    hypothesis : Hypothesis
+        Fitted.
+    problem : FitProblem
+        It was fitted to.
+    starts : array-like of shape (s, k)
+    worth : float
+        By how much the objective must be lower; else the result is None.
+
+    Raises
+    ------
+    SimulationError
+        If none of the starts can be simulated.
+    """
+    fit = JointFit(hypothesis.effects, problem, starts)
+    for kept, iterations in _HALVING:
+        fit.keep(kept).run(iterations)
+    fit.keep(_FOLLOWED).pursue(hypothesis.objective)
+    return fit.hypothesis() if fit.objective <= hypothesis.objective - worth else None
 
 
 def searched(problem: FitProblem, random_state: Any = 0) -> _Array:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,10 @@ from errorscreen.simulators.base import Simulator
 
 #: draws of later rounds scatter by these shares of the ranges around so many of the best
 SPREADS, _ELITE = (0.1, 0.03, 0.01), 8
+#: effects that go on to the second round of draws and to those after it, the best for each that is fitted to the end
+_RACE = (4, 2, 1)
+#: what is kept of the best draws
+_KEPT = ("objective", "shares", "steps")
 #: rounds of draws
 ROUNDS = 1 + len(SPREADS)
 #: draws of an effect with a single parameter; with d parameters so many times d squared, up to what is asked for
@@ -131,6 +136,50 @@ class SignatureSearch:
             self.problem, np.array([start[self._k :] for start in starts]), n_matches, self._rng
         )
         return np.array(starts)
+
+    def packed(self) -> dict[str, NDArray[np.generic]]:
+        """All that another search of the same kind needs to go on from here."""
+        state = json.dumps(self._rng.bit_generator.state).encode()
+        seeds: Any = self._rng.bit_generator.seed_seq  # a Latin hypercube draws from a child of it
+        out: dict[str, NDArray[np.generic]] = {
+            "rng": np.frombuffer(state, dtype=np.uint8),
+            "children": np.array(seeds.n_children_spawned),
+            "count": np.array(self.problem.n_simulations),
+            "round": np.array(self._round),
+        }
+        for number, best in enumerate(self._best):
+            for key, values in zip(_KEPT, zip(*best, strict=True), strict=True):
+                out[f"{key}{number}"] = np.array(values)
+        return out
+
+    def restore(self, part: Mapping[str, NDArray[Any]]) -> SignatureSearch:
+        """Go to where a search of the same kind was when it was packed."""
+        self._rng.bit_generator.state = json.loads(part["rng"].tobytes())
+        seeds: Any = self._rng.bit_generator.seed_seq
+        seeds.spawn(int(part["children"]) - seeds.n_children_spawned)
+        self.problem.n_simulations, self._round = int(part["count"]), int(part["round"])
+        self._best = [
+            [(float(o), x, s) for o, x, s in zip(*(part[f"{key}{number}"] for key in _KEPT), strict=True)]
+            for number in range(len(self._best))
+        ]
+        return self
+
+
+def raced(searches: Sequence[SignatureSearch], n_fits: int) -> list[SignatureSearch]:
+    """Run searches, of which fewer and fewer go on to the next round; the most promising first.
+
+    Parameters
+    ----------
+    searches : sequence of SignatureSearch
+    n_fits : int
+        Effects that will be fitted.
+    """
+    ranked = [search.run(1) for search in searches]
+    for rounds, share in enumerate(_RACE, start=2):
+        ranked.sort(key=lambda s: s.objective)
+        for one in ranked[: share * n_fits]:
+            one.run(rounds)
+    return sorted(ranked, key=lambda s: s.objective)
 
 
 def projected(

@@ -1,0 +1,142 @@
+"""Finished parts of a search in a folder, so that an interrupted search goes on where it stopped."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from errorscreen.calibration.problem import FitProblem
+from errorscreen.checkpoint import Checkpoint
+from errorscreen.discovery.hypotheses import Hypothesis, JointFit
+from errorscreen.discovery.signatures import SignatureSearch, raced
+from errorscreen.effects.base import Effect
+from errorscreen.exceptions import SimulationError
+
+#: what is stored of one part
+Part = dict[str, NDArray[np.generic]]
+
+
+class Journal:
+    """What the parts of a search have found, in the order of its calls.
+
+    The same search makes the same calls in the same order, so a part that is stored is read instead of computed. Of a
+    fit only the point is stored: what belongs to it follows from one linearisation.
+
+    Parameters
+    ----------
+    checkpoint : Checkpoint, optional
+        Nothing is kept where it is not given.
+    """
+
+    def __init__(self, checkpoint: Checkpoint | None = None) -> None:
+        self._checkpoint = checkpoint
+        self._number = 0
+
+    def part(self, compute: Callable[[], Part]) -> Part:
+        """What the next part of the search finds, or has found before."""
+        number, self._number = self._number, self._number + 1
+        if self._checkpoint is None:
+            return compute()
+        stored = self._checkpoint.load([number])
+        if number not in stored:
+            stored[number] = compute()
+            self._checkpoint.save(number, stored[number])
+        return stored[number]
+
+    def fitted(
+        self, effects: Sequence[Effect], problem: FitProblem, fit: Callable[[], Hypothesis | None]
+    ) -> Hypothesis | None:
+        """Fit of some effects to a problem; None where it has failed, or has led nowhere.
+
+        Parameters
+        ----------
+        effects : sequence of Effect
+        problem : FitProblem
+            Its simulations are counted as if the fit were made now.
+        fit : callable
+            May raise `SimulationError`.
+        """
+        found: list[Hypothesis] = []  # of this call, which need not be linearised again
+
+        def compute() -> Part:
+            before, points = problem.n_simulations, []
+            try:
+                hypothesis = fit()
+            except SimulationError:
+                hypothesis = None
+            if hypothesis is not None:
+                found.append(hypothesis)
+                points.append(packed(hypothesis))
+            return {"fits": np.array(len(points)), "count": np.array(problem.n_simulations - before)} | {
+                key: value for point in points for key, value in point.items()
+            }
+
+        before = problem.n_simulations
+        part = self.part(compute)
+        if not found and part["fits"]:
+            found.append(unpacked(effects, problem, part))
+        problem.n_simulations = before + int(part["count"])
+        return found[0] if found else None
+
+    def all_fitted(
+        self, problems: Mapping[str, FitProblem], fit: Callable[[], Sequence[Hypothesis]]
+    ) -> list[Hypothesis]:
+        """Fits of which each has added one effect.
+
+        Parameters
+        ----------
+        problems : mapping of str to FitProblem
+            By the name of the effect that was added.
+        fit : callable
+        """
+        found: list[Hypothesis] = []
+
+        def compute() -> Part:
+            found.extend(fit())
+            part: Part = {"fits": np.array([h.effects[-1].name for h in found])}
+            part["counts"] = np.array([problem.n_simulations for problem in problems.values()])
+            for number, hypothesis in enumerate(found):
+                part |= {f"{number}.{key}": value for key, value in packed(hypothesis).items()}
+            return part
+
+        part = self.part(compute)
+        if not found:
+            for number, name in enumerate(part["fits"]):
+                problem = problems[str(name)]
+                own = {key: part[f"{number}.{key}"] for key in ("u", "state")}
+                found.append(unpacked(problem.simulator.extensions, problem, own))
+        for problem, count in zip(problems.values(), part["counts"], strict=True):
+            problem.n_simulations = int(count)
+        return found
+
+    def raced(self, searches: Sequence[SignatureSearch], n_fits: int) -> list[SignatureSearch]:
+        """Searches for signatures after their race, see `errorscreen.discovery.signatures.raced`."""
+        ranked: list[SignatureSearch] = []
+
+        def compute() -> Part:
+            ranked.extend(raced(searches, n_fits))
+            part: Part = {"order": np.array([list(searches).index(s) for s in ranked], dtype=int)}
+            for number, search in enumerate(searches):
+                part |= {f"{number}.{key}": value for key, value in search.packed().items()}
+            return part
+
+        part = self.part(compute)
+        if ranked:
+            return ranked
+        for number, search in enumerate(searches):
+            own = f"{number}."
+            search.restore({k.removeprefix(own): v for k, v in part.items() if k.startswith(own)})
+        return [searches[int(number)] for number in part["order"]]
+
+
+def packed(hypothesis: Hypothesis) -> Part:
+    """Point that a fit has reached."""
+    return {"u": hypothesis.u, "state": np.array(hypothesis.state)}
+
+
+def unpacked(effects: Sequence[Effect], problem: FitProblem, part: Part) -> Hypothesis:
+    """Hypothesis at a stored point."""
+    return replace(JointFit(effects, problem, part["u"]).hypothesis(), state=str(part["state"]))

@@ -1,0 +1,67 @@
+"""An interrupted search goes on where it stopped, and finds the same."""
+
+import numpy as np
+import pytest
+
+from errorscreen.calibration.problem import FitProblem
+from errorscreen.discovery import CauseFinder
+from errorscreen.discovery.journal import Journal
+from errorscreen.exceptions import InputError
+
+#: none of them is what is hidden, so that each part of a search has its turn
+EFFECTS = ["offset_position", "lag_position", "force.lag", "velocity.forcing"]
+
+
+def finder(model, checkpoint=None, report=None, **options):
+    return CauseFinder(
+        model, EFFECTS, n_fits=2, random_state=0, checkpoint=checkpoint, report=report, **options
+    )
+
+
+def stops_at(text):
+    def report(line):
+        if text in line:
+            raise KeyboardInterrupt
+
+    return report
+
+
+def test_an_interrupted_search_finds_the_same(spring, tmp_path, monkeypatch):
+    model, recording = spring
+    whole = finder(model).fit(recording)
+    for text in ("joint fits", "other starts", "places of an unknown signal"):
+        with pytest.raises(KeyboardInterrupt):
+            finder(model, tmp_path, stops_at(text)).fit(recording)
+    simulated = []
+    original = FitProblem.residuals
+    monkeypatch.setattr(
+        FitProblem, "residuals", lambda self, values: simulated.append(len(values)) or original(self, values)
+    )
+    found = finder(model, tmp_path).fit(recording)
+    assert [h.name for h in found.hypotheses_] == [h.name for h in whole.hypotheses_]
+    for a, b in zip(found.hypotheses_, whole.hypotheses_, strict=True):
+        assert a.theta == pytest.approx(b.theta, rel=1e-6)
+        assert a.chi2 == pytest.approx(b.chi2, rel=1e-9)
+        assert a.state == b.state
+    assert found.verdict_ == whole.verdict_
+    assert [(c.name, c.probability) for c in found.causes_] == [
+        (c.name, c.probability) for c in whole.causes_
+    ]
+    assert found.n_simulations_ == whole.n_simulations_
+    # what was finished is not simulated again: the rest is the first fit and the unknown signals
+    assert sum(simulated) < 0.5 * whole.n_simulations_
+
+
+def test_a_folder_of_another_search_is_refused(spring, tmp_path):
+    model, recording = spring
+    with pytest.raises(KeyboardInterrupt):
+        finder(model, tmp_path, stops_at("joint fits")).fit(recording)
+    with pytest.raises(InputError, match=r"belongs to another run: arguments differ"):
+        finder(model, tmp_path, n_draws=16).fit(recording)
+    with pytest.raises(InputError, match=r"belongs to another run: .*recordings differ"):
+        finder(model, tmp_path).fit([recording, recording])
+
+
+def test_without_a_folder_nothing_is_kept():
+    journal = Journal()
+    assert [int(journal.part(lambda n=n: {"n": np.array(n)})["n"]) for n in range(3)] == [0, 1, 2]
