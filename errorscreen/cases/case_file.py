@@ -24,6 +24,8 @@ from errorscreen.exceptions import InputError, check_integer, unknown_name
 from errorscreen.parameters import ParameterSpace
 from errorscreen.recordings import Recording
 
+#: Lists of further recordings, in the order in which a study has them.
+_FURTHER = ("together", "held_out")
 #: Keys of [recording] that a further recording does not take over.
 _OWN = ("path", "name", "event_time", "t_start", "t_end", "load_level", *EVENTS)
 #: What pydantic's kinds of error allow, in words.
@@ -59,6 +61,11 @@ class Case(Section):
 
     title: str = Field(default="", description="for the report")
     recording: RecordingSection
+    together: list[RecordingSection] = Field(
+        default=[],
+        description="further recordings of the same unit that the search for causes fits together with [recording]; "
+        "keys not given are those of [recording]",
+    )
     held_out: list[RecordingSection] = Field(
         default=[], description="further recordings to judge on; keys not given are those of [recording]"
     )
@@ -70,11 +77,25 @@ class Case(Section):
     discovery: DiscoverySection = DiscoverySection()
     run: RunSection = RunSection()
     _folder: Path = PrivateAttr(default_factory=Path)
+    _source: str = PrivateAttr(default="")
 
     @property
     def folder(self) -> Path:
         """Folder of the case file, which its paths are relative to."""
         return self._folder
+
+    @property
+    def source(self) -> str:
+        """What a message calls the case file; empty for a case that was made in Python."""
+        return self._source
+
+    @property
+    def recordings(self) -> dict[str, RecordingSection]:
+        """All recordings by their key: ``"recording"``, those fitted together with it, those held out."""
+        found = {"recording": self.recording}
+        for key in _FURTHER:
+            found |= {f"{key}[{n}]": section for n, section in enumerate(getattr(self, key), start=1)}
+        return found
 
     def parameters(self) -> ParameterSpace:
         """Candidate parameters of the device or grid with this case's values and bounds.
@@ -104,8 +125,8 @@ class Case(Section):
             If a recording of a grid has no `event_time`, or not one of `EVENTS`, or one of a device has something of
             that.
         """
-        for number, section in enumerate((self.recording, *self.held_out)):
-            where, found = f"held_out[{number}]" if number else "recording", list(section.events)
+        for where, section in self.recordings.items():
+            found = list(section.events)
             if self.grid is None:
                 found += ["load_level"] * (section.load_level != 1.0)
                 if found:
@@ -123,12 +144,36 @@ class Case(Section):
                     remedy="A detected start may be a sample late, which a simulated grid would show as an error",
                 )
 
+    def check_apart(self) -> None:
+        """Refuse a recording that is given twice: what is fitted cannot confirm what was fitted.
+
+        Raises
+        ------
+        InputError
+            If two recordings are the same columns and window of the same file.
+        """
+        seen: dict[Any, str] = {}
+        for where, section in self.recordings.items():
+            window = (Path(section.path), section.t_start, section.t_end, str(section.columns))
+            if window in seen:
+                raise InputError(
+                    f"{section.path!r} is the file of {seen[window]} too",
+                    where=where,
+                    allowed="each recording once: as [recording], in [[together]] or in [[held_out]]",
+                    remedy="What is fitted cannot confirm what was fitted: leave one of them out",
+                )
+            seen[window] = where
+
     def load_recording(self) -> Recording:
         """Read the recording; for errors see `errorscreen.io.read_csv`."""
         return self.recording.load(self.folder, self.simulation.dt)
 
+    def load_together(self) -> tuple[Recording, ...]:
+        """Read the recordings that are fitted together with the first one."""
+        return tuple(section.load(self.folder, self.simulation.dt) for section in self.together)
+
     def load_held_out(self) -> tuple[Recording, ...]:
-        """Read the further recordings."""
+        """Read the recordings to judge on."""
         return tuple(section.load(self.folder, self.simulation.dt) for section in self.held_out)
 
 
@@ -151,9 +196,10 @@ def load_case(path: str | os.PathLike[str]) -> Case:
     _inherit(data)
     try:
         case = Case.model_validate(data)
-        case._folder = path.parent
+        case._folder, case._source = path.parent, source
         case.parameters()
         case.check_events()
+        case.check_apart()
     except ValidationError as error:
         raise _explain(error, source) from None
     except InputError as error:
@@ -195,10 +241,11 @@ def _parse(path: Path, source: str) -> dict[str, Any]:
 
 def _inherit(data: dict[str, Any]) -> None:
     """Complete further recordings by the keys of the first one."""
-    first, others = data.get("recording"), data.get("held_out")
-    if isinstance(first, dict) and isinstance(others, list):
-        common = {key: value for key, value in first.items() if key not in _OWN}
-        data["held_out"] = [{**common, **o} if isinstance(o, dict) else o for o in others]
+    first = data.get("recording")
+    common = {k: v for k, v in first.items() if k not in _OWN} if isinstance(first, dict) else {}
+    for key in _FURTHER:
+        if isinstance(data.get(key), list):
+            data[key] = [{**common, **o} if isinstance(o, dict) else o for o in data[key]]
 
 
 def _placed(error: InputError, source: str) -> InputError:
@@ -213,7 +260,7 @@ def _explain(error: ValidationError, source: str) -> InputError:
     """
     own = [e for e in error.errors() if e["loc"][0] == "recording"]
     tails = [e["loc"][1:] for e in own]
-    errors = [e for e in error.errors() if e["loc"][0] != "held_out" or e["loc"][2:] not in tails]
+    errors = [e for e in error.errors() if e["loc"][0] not in _FURTHER or e["loc"][2:] not in tails]
     first = min(errors, key=lambda e: e["type"] != "extra_forbidden")
     location, kind, found = first["loc"], first["type"], first["input"]
     remedy = f"{len(errors) - 1} further keys are wrong" if len(errors) > 1 else None
@@ -279,7 +326,7 @@ def _sections(model: type[BaseModel] = Case, title: str = "") -> list[tuple[str,
     found = []
     for key, field in model.model_fields.items():
         inner = _nested(field.annotation)
-        if inner is not None and key != "held_out":
+        if inner is not None and key not in _FURTHER:
             heading = f"{title}{key}" + (".NAME" if get_origin(field.annotation) is dict else "")
             found += [(f"[{heading}]", inner), *_sections(inner, f"{heading}.")]
     return found

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from errorscreen.cases.model_sections import (
     EVENTS,
@@ -18,6 +19,9 @@ from errorscreen.cases.section import Count, Positive, Section
 from errorscreen.exceptions import InputError
 from errorscreen.io import Column, read_csv
 from errorscreen.recordings import Recording
+
+#: fewer cannot be divided into those that a network learns from and those that tell when to stop
+_LEAST_SAMPLES = 20
 
 
 class ColumnSection(Section):
@@ -126,7 +130,9 @@ class ScreeningSection(Section):
     methods: list[Literal["cnn", "sensitivity", "random"]] = Field(
         default=["cnn", "sensitivity", "random"], min_length=1, description="rankers; the first one selects"
     )
-    samples: Annotated[int, Field(ge=20)] = Field(default=600, description="cnn: simulations it learns from")
+    samples: Annotated[int, Field(ge=_LEAST_SAMPLES)] = Field(
+        default=600, description="cnn: simulations it learns from"
+    )
     epochs: Count = Field(default=60, description="cnn: most passes over them")
     frequencies: Annotated[int, Field(ge=8)] = Field(
         default=16, description="cnn: height of the time-frequency images"
@@ -181,7 +187,7 @@ class DiscoverySection(Section):
     """How causes that are no parameters are searched."""
 
     enabled: bool = Field(default=True, description="whether they are searched")
-    effects: list[str] | None = Field(
+    effects: Annotated[list[str], Field(min_length=1)] | None = Field(
         default=None, description="effects to try; all of the library if not given"
     )
     max_effects: Annotated[int, Field(ge=1, le=3)] = Field(
@@ -191,13 +197,32 @@ class DiscoverySection(Section):
     draws: Annotated[int, Field(ge=8)] = Field(
         default=128, description="draws of an effect's parameters in each round of its signature"
     )
-    significance: Annotated[float, Field(gt=0, lt=1)] = Field(
-        default=0.002, description="probability below which what is left counts as more than noise"
+    significance: Annotated[float, Field(ge=0.001, lt=1)] = Field(
+        default=0.002,
+        description="probability below which what is left counts as more than noise; the draws of the test tell none "
+        "apart that are smaller than 0.001",
     )
-    first_look: Annotated[int, Field(ge=0)] = Field(
+    first_look: int = Field(
         default=0,
-        description="samples of a network that ranks parameters and effects before the search, 0 for none",
+        description="samples of a network that ranks parameters and effects before the search, at least 20; 0 for none",
     )
+
+    @field_validator("effects")
+    @classmethod
+    def _each_effect_once(cls, effects: list[str] | None) -> list[str] | None:
+        twice = sorted(name for name, count in Counter(effects or ()).items() if count > 1)
+        if twice:
+            raise InputError(f"{', '.join(map(repr, twice))} was found twice", allowed="each effect once")
+        return effects
+
+    @field_validator("first_look")
+    @classmethod
+    def _none_or_enough(cls, samples: int) -> int:
+        if samples != 0 and samples < _LEAST_SAMPLES:
+            raise InputError(
+                f"{samples} was found", allowed=f"0 for none, or a whole number >= {_LEAST_SAMPLES}"
+            )
+        return samples
 
 
 class RunSection(Section):
@@ -205,7 +230,11 @@ class RunSection(Section):
 
     random_state: Annotated[int, Field(ge=0)] = Field(default=0, description="seed of all random numbers")
     n_jobs: int = Field(default=1, description="processes; -1 for one on each core")
-    out: str | None = Field(default=None, description="folder for results, relative to the case file")
+    out: str | None = Field(
+        default=None,
+        description="folder for results, relative to the case file; those of `errorscreen diagnose` lie in its folder "
+        "diagnose",
+    )
 
     @model_validator(mode="after")
     def _some_job(self) -> RunSection:

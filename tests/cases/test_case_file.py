@@ -109,6 +109,28 @@ def test_recordings_are_read_relative_to_the_case(tmp_path):
     assert (other.name, other.time[-1]) == ("other", pytest.approx(2.95))
 
 
+def test_what_is_fitted_together_is_read_like_what_is_held_out(tmp_path):
+    for name in ("rec.csv", "other.csv", "third.csv"):
+        write_recording(tmp_path, name)
+    text = replaced("[device]", '[[together]]\npath = "data/third.csv"\nname = "third one"\n\n[device]')
+    case = load_case(write(tmp_path, text))
+    assert list(case.recordings) == ["recording", "together[1]", "held_out[1]"]
+    (third,) = case.load_together()
+    assert (third.name, third.base_mva, third.time[-1]) == ("third one", 50, pytest.approx(2.95))
+    assert third.initial("P")["P"] == pytest.approx(0.8, abs=1e-3)
+    assert [recording.name for recording in case.load_held_out()] == ["other"]
+
+
+def test_two_windows_of_one_file_are_two_recordings(tmp_path):
+    text = replaced('"data/other.csv"', '"data/rec.csv"\nt_start = 2.5')
+    assert load_case(write(tmp_path, text)).recordings["held_out[1]"].t_start == 2.5
+
+
+@pytest.mark.parametrize("line", ["significance = 0.001", "first_look = 20", "first_look = 0"])
+def test_the_least_that_discovery_takes(line, tmp_path):
+    load_case(write(tmp_path, GOOD + f"[discovery]\n{line}\n"))
+
+
 def test_a_shift_is_applied_before_resampling(tmp_path):
     write_recording(tmp_path)
     text = GOOD.replace("t_end = 2.5", "shift = { V = -0.017 }\n[simulation]\ndt = 0.01\n", 1)
@@ -156,8 +178,8 @@ BAD = {
     ),
     "key at the wrong place": (
         replaced('title = "line trip"', "random_state = 3"),
-        "unknown section or key 'random_state'. Allowed: title, recording, held_out, device, grid, simulation, "
-        "screening, calibration, discovery, run. 'random_state' belongs to [run].",
+        "unknown section or key 'random_state'. Allowed: title, recording, together, held_out, device, grid, "
+        "simulation, screening, calibration, discovery, run. 'random_state' belongs to [run].",
     ),
     "unknown key of a column": (
         replaced('unit = "kV"', 'units = "kV"'),
@@ -278,6 +300,35 @@ BAD = {
     "fewer simulations than starts": (
         GOOD + "[calibration]\nstarts = 9\nlibrary = 4\n",
         "calibration: 9 starts cannot be taken from a library of 4. Allowed: library >= starts - 1.",
+    ),
+    "significance that the draws cannot tell apart": (
+        GOOD + "[discovery]\nsignificance = 0.0009\n",
+        "discovery.significance: 0.0009 was found. Allowed: a number >= 0.001.",
+    ),
+    "a first look at too little": (
+        GOOD + "[discovery]\nfirst_look = 1\n",
+        "discovery.first_look: 1 was found. Allowed: 0 for none, or a whole number >= 20.",
+    ),
+    "no effect to try": (
+        GOOD + "[discovery]\neffects = []\n",
+        "discovery.effects: [] was found. Allowed: at least 1 entry.",
+    ),
+    "effect twice": (
+        GOOD + '[discovery]\neffects = ["exciter", "governor", "exciter"]\n',
+        "discovery.effects: 'exciter' was found twice. Allowed: each effect once.",
+    ),
+    "fitted and held out": (
+        replaced("[device]", '[[together]]\npath = "data/other.csv"\n[device]'),
+        "held_out[1]: 'data/other.csv' is the file of together[1] too. Allowed: each recording once: as [recording], "
+        "in [[together]] or in [[held_out]]. What is fitted cannot confirm what was fitted: leave one of them out.",
+    ),
+    "held out what is fitted": (
+        replaced('"data/other.csv"', '"data/rec.csv"\nt_end = 2.5'),
+        "held_out[1]: 'data/rec.csv' is the file of recording too.",
+    ),
+    "unknown key of a further recording": (
+        replaced("[device]", '[[together]]\npath = "b.csv"\nevent = 1.0\n[device]'),
+        "[together[1]]: unknown key 'event' (did you mean 'event_time'?)",
     ),
     "several": (
         replaced("base_mva = 50", "base_mva = -50").replace("top_k = 3", "top_k = 0"),
@@ -432,6 +483,8 @@ def test_a_grid_takes_the_place_of_a_device(tmp_path):
         ("[recording.fault]", "[recording.short]", "unknown key 'short'"),
         ("bus = 3\n", "", "[recording.fault]: key 'bus' is missing."),
         ("reactance = 0.02", "reactance = -0.02", "fault.reactance: -0.02 was found. Allowed: a number >= 0."),
+        ('[[held_out]]\npath = "b.csv"', '[[together]]\npath = "c.csv"\n[[held_out]]\npath = "b.csv"',
+         "together[1]: no event given. Allowed: one of [together[1].fault], "),
         ("load_step =", "#", "held_out[1]: no event given. Allowed: one of [held_out[1].fault], "),
         ("load_level = 0.9", "line_trip.ends = [2, 3]", "held_out[1]: line_trip and load_step given."),
         ("load_level = 0.9", "load_level = 0.0", "held_out[1].load_level: 0.0 was found. Allowed: a number > 0."),
