@@ -36,7 +36,7 @@ class Place:
     time, waveform : ndarray of shape (L,)
         Of the signal in the first recording, in the unit of the port.
     follows : tuple of (str, float)
-        Quantities that it moves with, and the correlation, the largest first.
+        Signals, and states of the device, of the model without it, and their correlation with it, the largest first.
     unit : str
         Of the waveform.
     explained : float
@@ -107,7 +107,8 @@ def rank_places(base: Hypothesis) -> tuple[list[Place], int]:
     logs /= max(1.0, min(hypothesis.chi2_per_sample for hypothesis in found))
     weights = np.exp(logs - logs.max())
     weights /= weights.sum()
-    places = [_place(h, float(w), share) for h, w, share in zip(found, weights, shares, strict=True)]
+    moving = _moving(base)
+    places = [_place(h, float(w), share, moving) for h, w, share in zip(found, weights, shares, strict=True)]
     return sorted(places, key=lambda p: (-p.probability, p.chi2_per_sample)), count
 
 
@@ -129,31 +130,41 @@ def waveform(knots: _Array, time: _Array, start: float) -> _Array:
     return np.interp(s, np.arange(KNOTS + 1), np.r_[0.0, knots])
 
 
-def _place(hypothesis: Hypothesis, probability: float, explained: float) -> Place:
+def _moving(base: Hypothesis) -> dict[str, dict[str, _Array]]:
+    """Signals of the first recording, and states of each device, that an unknown signal may depend on.
+
+    Without that signal, because all that it acts on moves with it.
+    """
+    observation = base.observations[0]
+    event, time = observation.event, observation.time
+    signals = dict(zip(observation.channels, base.predict(event), strict=True))
+    if isinstance(event, InputSignal):
+        signals |= event.signals
+    if isinstance(event, Playback):
+        signals["V"] = event.signals["V"]
+        if "angle" in event.signals:
+            signals["frequency"] = np.gradient(event.signals["angle"], time)
+    devices = {effect.device for effect in base.simulator.effects if effect.kind == "latent"}
+    return {device: signals | base.simulator.trajectories(base.theta, event, device) for device in devices}
+
+
+def _place(
+    hypothesis: Hypothesis, probability: float, explained: float, moving: dict[str, dict[str, _Array]]
+) -> Place:
     effect, observation = hypothesis.effects[0], hypothesis.observations[0]
     parameters = hypothesis.simulator.parameters
     knots = hypothesis.theta[[parameters.index(effect.local(f"a{i}")) for i in range(KNOTS)]]
     time, start = observation.time, observation.event.start
     signal = waveform(knots, time, start)
     after = time >= start
-    simulated = hypothesis.predict(observation.event)
-    signals = dict(zip(observation.channels, simulated, strict=True))
-    if isinstance(observation.event, InputSignal):
-        signals |= observation.event.signals
-    if isinstance(observation.event, Playback):
-        V = observation.event.signals["V"]
-        signals["V"] = V
-        if "angle" in observation.event.signals:
-            signals["frequency"] = np.gradient(observation.event.signals["angle"], time)
     follows = []
-    for name, values in signals.items():
+    for name, values in moving[effect.device].items():
         a, b = signal[after] - signal[after].mean(), values[after] - values[after].mean()
         norm = float(np.sqrt((a @ a) * (b @ b)))
         if norm > 0:
             follows.append((name, float(a @ b / norm)))
     follows.sort(key=lambda item: -abs(item[1]))
     device = effect.device or getattr(getattr(hypothesis.simulator, "device", None), "name", "model")
-    unit = effect.parameters[1].unit
     return Place(
         device,
         effect.port,
@@ -162,6 +173,6 @@ def _place(hypothesis: Hypothesis, probability: float, explained: float) -> Plac
         time,
         signal,
         tuple(follows),
-        unit,
+        effect.parameters[1].unit,
         explained,
     )

@@ -245,6 +245,20 @@ class Simulator(ABC):
         """
         return observation
 
+    def trajectories(
+        self, theta: ArrayLike, event: Event, device: str = ""
+    ) -> dict[str, NDArray[np.float64]]:
+        """States inside a model on the time axis of an event (L,), by name; empty where they cannot be seen.
+
+        Parameters
+        ----------
+        theta : array-like of shape (m,)
+        event : Event
+        device : str
+            Unit of a grid.
+        """
+        return {}
+
     def refined(self, factor: int) -> Simulator:
         """Return this simulator with a step so many times smaller; itself where it has no step.
 

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen.exceptions import InputError, check_real, unknown_name
-from errorscreen.power import DEVICES, LOAD, Device
+from errorscreen.power import DEVICES, LOAD, Device, FixedMachine
 from errorscreen.power.device import Values
+from errorscreen.power.network import Network
 
 
 @dataclass(frozen=True)
@@ -128,3 +129,40 @@ def at_rest(
     with np.errstate(all="ignore"):  # an absurd parameter shows in what is feasible
         states, setpoints, possible = device.initialise(own)
     return {**own, **states, **setpoints, **{s: own[name] for s, name in device.grid.states}}, possible
+
+
+def check_terminals(
+    network: Network,
+    units: Sequence[Unit],
+    machines: Sequence[FixedMachine],
+    loads: Sequence[LoadUnderTest],
+) -> None:
+    """Check that there is a machine or unit at each generator, and a load where one is under test.
+
+    Raises
+    ------
+    InputError
+        If not, if a device or kind of connection is there twice, or if there is no fixed machine.
+    """
+    where = "PowerSystemSimulator"
+    buses = [m.bus for m in machines] + [u.bus for u in units]
+    have = sorted(g.bus for g in network.generators)
+    if sorted(buses) != have:
+        raise InputError(
+            f"machines and units are at the buses {sorted(buses)}",
+            where=where,
+            allowed=f"one at each generator: {have}",
+        )
+    kinds = [u.model.grid.kind for u in units if u.model.grid]
+    names = [u.model.name for u in units]
+    if len(set(names)) < len(names) or any(kinds.count(k) > 1 for k in ("norton", "rotor")):
+        raise InputError(f"the devices are {', '.join(names)}", where=where, allowed="each kind at most once")
+    if not machines:
+        raise InputError("there is no fixed machine", where=where, allowed="at least one FixedMachine")
+    demand = network.demand()
+    drawing = [bus.number for bus in network.buses if demand[network.index(bus.number)]]
+    for load in loads:
+        if load.bus not in drawing:
+            raise InputError(f"there is no load at bus {load.bus}", where=where, allowed=f"{drawing}")
+    if len({load.bus for load in loads}) < len(loads):
+        raise InputError("a load is given twice", where=where, allowed="each bus once")

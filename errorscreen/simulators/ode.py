@@ -25,7 +25,7 @@ from errorscreen.simulators import ode_kernel
 from errorscreen.simulators.assembly import measured
 from errorscreen.simulators.base import Responses, Simulator, Status
 from errorscreen.simulators.initial_states import InitialStates
-from errorscreen.simulators.ode_library import effect_table, library
+from errorscreen.simulators.ode_library import effect_table, library, states_of
 from errorscreen.simulators.recent import Recent
 from errorscreen.simulators.signal_records import (
     INTERPOLATIONS,
@@ -157,9 +157,7 @@ class ODESimulator(Simulator):
         self.signals, of_signals = named(signals, "signals", empty=True)
         quantities = (*self.states, *self.inputs, *self.signals)
         if len(set(quantities)) < len(quantities):
-            raise InputError(
-                "two of the states, inputs and signals have the same name", allowed="unique names"
-            )
+            raise InputError("two states, inputs or signals have the same name", allowed="unique names")
         if interpolation not in INTERPOLATIONS:
             raise unknown_name(interpolation, INTERPOLATIONS, kind="interpolation")
         if (law is None) != (not self.signals):
@@ -361,6 +359,10 @@ class ODESimulator(Simulator):
                 with ThreadPoolExecutor(threads) as pool:
                     list(pool.map(lambda task: run(*task), tasks))
         return out, h, every
+
+    def trajectories(self, theta: ArrayLike, event: Event, device: str = "") -> dict[str, _Array]:
+        """States on the time axis of an event, see `Simulator.trajectories`."""
+        return states_of(self, self.parameters.validate(theta), self._driven_by(event))
 
     def pointer(self, function: Function) -> Any:
         """A further readout, in the form in which `run` takes it."""

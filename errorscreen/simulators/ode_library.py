@@ -135,6 +135,14 @@ def effect_table(
     )
 
 
+def states_of(simulator: ODESimulator, theta: _Array, event: InputSignal) -> dict[str, _Array]:
+    """States on the time axis of an event (L,) by name, for one parameter vector (1, m)."""
+    names = simulator.states
+    readout = simulator.pointer(selection(tuple(range(len(names))), len(names)))
+    out, _, _ = simulator.run(simulator.acting(theta, event), event, readout, len(names))
+    return dict(zip(names, out[0], strict=True))
+
+
 def _ranges(simulator: ODESimulator) -> tuple[dict[str, tuple[float, float]], float]:
     """Smallest and largest value of everything in a nominal run, and its step in seconds."""
     names = (*simulator.states, *simulator.inputs, *simulator.signals)

@@ -211,27 +211,11 @@ class PlantSimulator(Simulator):
     ) -> Responses:
         """Simulate with a given interpolation of the voltage and longest step."""
         theta = self.parameters.validate(theta)
-        check_steps(event.time[-1] - event.time[0], step or self.step, "PlantSimulator, step")
-        every = max(1, int(np.ceil(event.dt / (step or self.step) - 1e-9)))
-        h = event.dt / every
-        values = self._values(theta, event)
-        with np.errstate(all="ignore"):  # an absurd parameter shows in `feasible`
-            states, setpoints, feasible = self.device.initialise(values)
-        values |= {**states, **setpoints}
-        if self._behind:
-            values |= {state: values[name] for state, name in self.device.interface.states}
-        values |= {name: np.full(len(theta), t - event.time[0]) for name, t in _instants(event).items()}
-        values |= start_effects(self._inside, values, lambda effect: values, h)
-        x0, constants = (
-            np.array([values[name] for name in names]).reshape(len(names), len(theta)).T
-            for names in (self._engine.model.states, self._engine.model.constants)
-        )
+        x0, constants, start, values, h, every = self._prepared(theta, event, step or self.step)
         # a measurement sees every step, and not only the instants that are compared
         acting = self._acting(event)
         distorted = any(effect.kind == "measurement" for effect in acting)
         record = 1 if distorted else every
-        finite = np.isfinite(x0).all(axis=1) & np.isfinite(constants).all(axis=1)
-        start = np.broadcast_to(feasible, finite.shape) & finite
         steps = every * (len(event.time) - 1)
         out = np.full((len(theta), len(self.device.outputs), steps // record + 1), np.nan)
         if start.any():
@@ -246,6 +230,47 @@ class PlantSimulator(Simulator):
         status = np.where(start, np.where(well, Status.OK, Status.DIVERGED), Status.NO_EQUILIBRIUM)
         rows = [self.device.outputs.index(name) for name in self.channels]
         return Responses(out[:, rows], status.astype(np.int64), event.time, self.channels)
+
+    def trajectories(
+        self, theta: ArrayLike, event: Event, device: str = ""
+    ) -> dict[str, NDArray[np.float64]]:
+        """States of the device on the time axis of an event, see `Simulator.trajectories`."""
+        assert isinstance(event, Playback)
+        x0, constants, start, _, h, every = self._prepared(self.parameters.validate(theta), event, self.step)
+        if not start.all():
+            return {}
+        engine = ReferenceEngine(replace(self._engine.model, outputs=self.device.states))
+        out = engine.integrate(x0, constants, self._injected(event, every, "pchip"), h=h, every=every)
+        return dict(zip(self.device.states, out[0], strict=True))
+
+    def _prepared(
+        self, theta: NDArray[np.float64], event: Playback, step: float
+    ) -> tuple[
+        NDArray[np.float64],
+        NDArray[np.float64],
+        NDArray[np.bool_],
+        dict[str, NDArray[np.float64]],
+        float,
+        int,
+    ]:
+        """States at the start, constants, rows with an equilibrium, all values by name, step, and steps a sample."""
+        check_steps(event.time[-1] - event.time[0], step, "PlantSimulator, step")
+        every = max(1, int(np.ceil(event.dt / step - 1e-9)))
+        h = event.dt / every
+        values = self._values(theta, event)
+        with np.errstate(all="ignore"):  # an absurd parameter shows in `feasible`
+            states, setpoints, feasible = self.device.initialise(values)
+        values |= {**states, **setpoints}
+        if self._behind:
+            values |= {state: values[name] for state, name in self.device.interface.states}
+        values |= {name: np.full(len(theta), t - event.time[0]) for name, t in _instants(event).items()}
+        values |= start_effects(self._inside, values, lambda effect: values, h)
+        x0, constants = (
+            np.array([values[name] for name in names]).reshape(len(names), len(theta)).T
+            for names in (self._engine.model.states, self._engine.model.constants)
+        )
+        finite = np.isfinite(x0).all(axis=1) & np.isfinite(constants).all(axis=1)
+        return x0, constants, np.broadcast_to(feasible, finite.shape) & finite, values, h, every
 
     def _injected(self, event: Playback, every: int, interpolation: str) -> NDArray[np.float64]:
         """Input of the engine."""

@@ -25,7 +25,7 @@ from errorscreen.simulators.assembly import INSIDE, check_ports, measured, start
 from errorscreen.simulators.base import Responses, Simulator, Status
 from errorscreen.simulators.event_tables import steps_at_rest, tables_in_time
 from errorscreen.simulators.grid_assembly import GridModel, grid_effects, machine_prefix, qualified
-from errorscreen.simulators.grid_unit import LoadUnderTest, Unit, at_rest
+from errorscreen.simulators.grid_unit import LoadUnderTest, Unit, at_rest, check_terminals
 from errorscreen.simulators.recent import Recent
 
 #: a channel beyond this is not that of a grid, in pu
@@ -119,7 +119,11 @@ class PowerSystemSimulator(Simulator):
         engines = {"compiled": Engine, "numpy": ReferenceEngine}
         if engine not in engines:
             raise unknown_name(engine, engines, kind="engine")
-        self._check_terminals()
+        check_terminals(network, self.units_under_test, self.machines, self.loads_under_test)
+        if not self.observed:
+            raise InputError(
+                "there is no channel", where="PowerSystemSimulator", allowed="at least one bus or branch"
+            )
         candidates = ParameterSpace(p for unit in self.units_under_test for p in unit.model.candidates)
         self.parameters = candidates if parameters is None else parameters
         for name in self.parameters.names:
@@ -210,25 +214,9 @@ class PowerSystemSimulator(Simulator):
 
     def _run(self, theta: NDArray[np.float64], event: GridEvent, happened: GridEvent) -> Responses:
         """Simulate rows to which the same happened, which may differ from the event on record."""
-        every = max(1, int(np.ceil(event.dt / self.step - 1e-9)))
-        h, steps = event.dt / every, every * (len(event.time) - 1)
-        flow = self._flow(event)
-        exact = happened is event
-
-        def course() -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-            def table(network: Network) -> NDArray[np.float64]:
-                return self._grid.table(self._reduced(flow, network))
-
-            return tables_in_time(happened, flow.network, table, h, steps, exact=exact)
-
-        tables, segment = self._recent.get((event, h), course) if exact else course()
-        values, feasible = self._start(theta, flow, event, h)
-        names = self._engine.model.constants
-        x0, constants = (
-            np.array([values[name] for name in group]).reshape(len(group), len(theta)).T
-            for group in (self._engine.model.states, names)
-        )
-        start = feasible & np.isfinite(x0).all(axis=1) & np.isfinite(constants).all(axis=1)
+        x0, constants, start, values, h, every = self._prepared(theta, event)
+        tables, segment = self._course(event, happened, h, every)
+        names, steps = self._engine.model.constants, every * (len(event.time) - 1)
         # a measurement sees every step, and not only the instants that are compared
         present = self._acting(event)
         distorted = any(effect.kind == "measurement" for effect in present)
@@ -253,6 +241,59 @@ class PowerSystemSimulator(Simulator):
         out[~well] = np.nan
         status = np.where(start, np.where(well, Status.OK, Status.DIVERGED), Status.NO_EQUILIBRIUM)
         return Responses(out, status.astype(np.int64), event.time, self.channels)
+
+    def trajectories(
+        self, theta: ArrayLike, event: Event, device: str = ""
+    ) -> dict[str, NDArray[np.float64]]:
+        """States of a unit on the time axis of an event, see `Simulator.trajectories`."""
+        assert isinstance(event, GridEvent)
+        own = [
+            f"{device}.{state}"
+            for item in self._items
+            if item.model.name == device
+            for state in item.model.states
+        ]
+        x0, constants, start, _, h, every = self._prepared(self.parameters.validate(theta), event)
+        if not start.all() or not own:
+            return {}
+        engine = ReferenceEngine(replace(self._engine.model, outputs=tuple(own)))
+        tables, segment = self._course(event, event, h, every)
+        steps = every * (len(event.time) - 1)
+        out = engine.integrate(
+            x0, constants, np.zeros((2 * steps + 1, 0)), h=h, every=every, tables=tables, segment=segment
+        )
+        return {name.removeprefix(f"{device}."): row for name, row in zip(own, out[0], strict=True)}
+
+    def _course(
+        self, event: GridEvent, happened: GridEvent, h: float, every: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """States of the grid, and which of them holds in each step."""
+        flow, steps, exact = self._flow(event), every * (len(event.time) - 1), happened is event
+
+        def course() -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+            def table(network: Network) -> NDArray[np.float64]:
+                return self._grid.table(self._reduced(flow, network))
+
+            return tables_in_time(happened, flow.network, table, h, steps, exact=exact)
+
+        found: tuple[NDArray[np.float64], NDArray[np.int64]] = (
+            self._recent.get((event, h), course) if exact else course()
+        )
+        return found
+
+    def _prepared(
+        self, theta: NDArray[np.float64], event: GridEvent
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_], Values, float, int]:
+        """States at the start, constants, rows with an equilibrium, all values by name, step, and steps a sample."""
+        every = max(1, int(np.ceil(event.dt / self.step - 1e-9)))
+        h = event.dt / every
+        values, feasible = self._start(theta, self._flow(event), event, h)
+        x0, constants = (
+            np.array([values[name] for name in group]).reshape(len(group), len(theta)).T
+            for group in (self._engine.model.states, self._engine.model.constants)
+        )
+        start = feasible & np.isfinite(x0).all(axis=1) & np.isfinite(constants).all(axis=1)
+        return x0, constants, start, values, h, every
 
     def observe(self, recording: Any, event: Event | None = None) -> Observation:
         """Bring a recording onto this simulator's channels and the time axis of what happened.
@@ -303,34 +344,6 @@ class PowerSystemSimulator(Simulator):
     def _terminals(self) -> list[int]:
         """Buses of all currents, in the order of the model."""
         return [m.bus for m in self.machines] + [item.bus for item in self._items]
-
-    def _check_terminals(self) -> None:
-        where = "PowerSystemSimulator"
-        buses = [m.bus for m in self.machines] + [u.bus for u in self.units_under_test]
-        have = sorted(g.bus for g in self.network.generators)
-        if sorted(buses) != have:
-            raise InputError(
-                f"machines and units are at the buses {sorted(buses)}",
-                where=where,
-                allowed=f"one at each generator: {have}",
-            )
-        kinds = [u.model.grid.kind for u in self.units_under_test if u.model.grid]
-        names = [u.model.name for u in self.units_under_test]
-        if len(set(names)) < len(names) or any(kinds.count(k) > 1 for k in ("norton", "rotor")):
-            raise InputError(
-                f"the devices are {', '.join(names)}", where=where, allowed="each kind at most once"
-            )
-        if not self.machines:
-            raise InputError("there is no fixed machine", where=where, allowed="at least one FixedMachine")
-        demand = self.network.demand()
-        drawing = [bus.number for bus in self.network.buses if demand[self.network.index(bus.number)]]
-        for load in self.loads_under_test:
-            if load.bus not in drawing:
-                raise InputError(f"there is no load at bus {load.bus}", where=where, allowed=f"{drawing}")
-        if len({load.bus for load in self.loads_under_test}) < len(self.loads_under_test):
-            raise InputError("a load is given twice", where=where, allowed="each bus once")
-        if not self.observed:
-            raise InputError("there is no channel", where=where, allowed="at least one bus or branch")
 
     def _flow(self, event: GridEvent) -> LoadFlow:
         """Load flow before an event; kept for each level, because a search simulates the same few over and over."""

@@ -174,3 +174,22 @@ def test_a_refined_simulator_differs_only_by_its_step():
     assert np.array_equal(fine.baseline(), plant("pv_plant", step=0.001).baseline())
     assert fine.parameters is base.parameters
     assert base.with_step_of(fine).step == 0.001
+
+
+def test_states_can_be_seen():
+    """At the equilibrium before the event, and power balance of the rotor after it."""
+    event = dip(stop=4.0)
+    simulator = plant("synchronous_machine", event)
+    theta = simulator.parameters.nominal
+    states = simulator.trajectories(theta, event)
+    assert set(states) == set(simulator.device.states)
+    before = event.time < event.start
+    assert all(np.ptp(values[before]) < 1e-9 for values in states.values())
+    assert states["omega"][0] == pytest.approx(1.0)
+    # Tj dω/dt = Pm − P − D (ω − 1), away from the edges of the dip, where P jumps
+    P = simulator.baseline()[simulator.channels.index("P")]
+    values = dict(zip(simulator.parameters.names, theta, strict=True))
+    slope = np.gradient(states["omega"], event.time)
+    expected = (P[0] - P - values["D"] * (states["omega"] - 1.0)) / values["Tj"]
+    later = (event.time > 2.0) & (event.time < 3.9)  # the last slope is one-sided
+    assert np.abs(slope - expected)[later].max() < 0.005 * np.abs(expected[later]).max()

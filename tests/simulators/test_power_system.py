@@ -315,3 +315,18 @@ def test_bad_units_machines_and_events():
         system().baseline(replace(FAULT, start=0.501))
     with pytest.raises(InputError, match="unknown bus '9'"):
         system().baseline(replace(FAULT, bus=9))
+
+
+def test_states_of_a_unit_can_be_seen():
+    simulator = system()
+    states = simulator.trajectories(simulator.parameters.nominal, FAULT, "synchronous_machine")
+    assert set(states) == {"delta", "omega", "Ed1", "Eq1"}
+    before = FAULT.time < FAULT.start
+    assert all(np.ptp(values[before]) < 1e-9 for values in states.values())
+    after = (FAULT.time > FAULT.start) & (FAULT.time < FAULT.start + 0.1)
+    assert np.all(np.diff(states["omega"][after]) > 0)  # a fault speeds it up
+    # δ follows from ω
+    slip = 2 * np.pi * simulator.f0 * (states["omega"] - 1.0)
+    slope = np.gradient(states["delta"], FAULT.time)
+    assert np.abs(slope - slip)[2:-2].max() < 0.05 * np.abs(slip).max()
+    assert simulator.trajectories(simulator.parameters.nominal, FAULT, "nobody") == {}
