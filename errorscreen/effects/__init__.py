@@ -23,7 +23,8 @@ from errorscreen.effects.saturation import SATURATION
 from errorscreen.effects.stabiliser import STABILISER
 from errorscreen.effects.volt_var import VOLT_VAR
 
-#: effects that are compiled into each device, by name of the device
+#: effects that are compiled into each device, by name of the device; those on one port act in this order, and the draws
+#: of a search go by it too
 LIBRARY: dict[str, tuple[Effect, ...]] = {
     "synchronous_machine": (
         EXCITER,
@@ -41,9 +42,9 @@ LIBRARY: dict[str, tuple[Effect, ...]] = {
     "dfig_plant": (
         ACTIVE_CURRENT_LAG,
         REACTIVE_POWER_LAG,
+        RIDE_THROUGH,
         RAMP_LIMIT,
         PHASE_LOCKED_LOOP,
-        RIDE_THROUGH,
         forced_oscillation("Pwi"),
         latent_input("Ip_cmd", 1.0),
         latent_input("Qcmd", 1.0),
@@ -51,11 +52,11 @@ LIBRARY: dict[str, tuple[Effect, ...]] = {
     "pv_plant": (
         ACTIVE_CURRENT_LAG,
         REACTIVE_CURRENT_LAG,
-        RAMP_LIMIT,
         CURRENT_PRIORITY,
         VOLT_VAR,
         RIDE_THROUGH,
         RIDE_THROUGH_TRIP,
+        RAMP_LIMIT,
         forced_oscillation("Ip_cmd"),
         latent_input("Ip_cmd", 1.0),
         latent_input("Iq_cmd", 1.0),
