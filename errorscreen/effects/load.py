@@ -103,7 +103,7 @@ def _static(part: str, port: str, equations: Any) -> Effect:
         formula=f"Δ{port[1]} = {port[1]}0 (r/ρ)² s (c ρ + 1 − c − ρ²)",
         description=f"The {part} power of the load falls less with the voltage than that of a constant impedance: "
         "lower voltages after a fault and in stationary states near it.",
-        source="IEEE Task Force on Load Representation, IEEE Trans. Power Syst. 10(3), 1995",
+        source="IEEE Task Force on Load Representation, IEEE Trans. Power Syst. 8(2), 1993, and 10(3), 1995",
         confused_with=("motors", "another load level", "voltage support of a plant nearby"),
     )  # fmt: skip
 

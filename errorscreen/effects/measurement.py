@@ -120,7 +120,7 @@ def _of_channel(channel: str, unit: str, size: float, late: float) -> tuple[Effe
             recorded=true_of_offset, kind="measurement", formula="measured = true + b",
             description=f"A constant is added to {channel}: auxiliaries or other feeders behind the meter, or a zero "
             "error.",
-            source="equation (N2)",
+            source="JCGM 200:2012 (VIM), 4.28, zero error",
             confused_with=("another operating point", "losses between meter and terminal"),
         ),
         Effect(

@@ -45,12 +45,12 @@ TEXTS: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
         ("Coulomb friction",),
     ),
     "offset": (
-        "Constant offset", "+ b", "equation (G6)",
+        "Constant offset", "+ b", "Taylor's theorem, order zero",
         "Something constant acts that the model does not know: a load, a leak, a bias.",
         ("another operating point", "an offset of the measurement"),
     ),
     "forcing": (
-        "Periodic forcing", "+ A sin(2π f t + φ)", "equation (G7)",
+        "Periodic forcing", "+ A sin(2π f t + φ)", "definition: one harmonic",
         "Something swings by itself, whatever the inputs do.", ("a badly damped mode",),
     ),
     "hysteresis": (
@@ -81,7 +81,7 @@ TEXTS: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
         "{v} is smoothed: steps arrive rounded.", ("delay", "rate limit", "slower parameters"),
     ),
     "delay": (
-        "Delay", "v(t − d)", "equation (G15)",
+        "Delay", "v(t − d)", "definition: a dead time",
         "{v} arrives late and otherwise unchanged.", ("lag", "clock skew of a measurement"),
     ),
     "backlash": (
@@ -89,12 +89,12 @@ TEXTS: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
         "After each reversal {v} moves for a while without effect.", ("dead band", "hysteresis", "lag"),
     ),
     "relay_above": (
-        "Relay with timer", "v (1 − a) once s > θ for T", "equation (G17)",
+        "Relay with timer", "v (1 − a) once s > θ for T", "IEEE Std C37.2, function 59 with a definite time",
         "A protection takes {v} away once {s} has been above a threshold for some time, until it is below again.",
         ("saturation", "another threshold with another timer"),
     ),
     "relay_below": (
-        "Relay with timer", "v (1 − a) once s < θ for T", "equation (G17)",
+        "Relay with timer", "v (1 − a) once s < θ for T", "IEEE Std C37.2, function 27 with a definite time",
         "A protection takes {v} away once {s} has been below a threshold for some time, until it is above again.",
         ("saturation", "another threshold with another timer"),
     ),
