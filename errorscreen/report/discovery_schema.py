@@ -2,27 +2,11 @@
 
 from __future__ import annotations
 
-import math
-from typing import Annotated, Any, Literal
+from typing import Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import Field
 
-from errorscreen.persistence import to_jsonable
-
-
-def _finite(value: Any) -> Any:
-    value = to_jsonable(value)  # NumPy numbers too
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-#: A number, or null where there is none (a failed simulation, a channel that was not measured).
-Number = Annotated[float | None, BeforeValidator(_finite)]
-
-
-class Part(BaseModel):
-    """Base of all parts: no unknown keys."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
+from errorscreen.report.parts import Fit, Number, Part, Role
 
 
 class CauseParameter(Part):
@@ -47,6 +31,13 @@ class Cause(Part):
     explained: Number = Field(default=None, description="share of what parameters leave beyond noise, 0 to 1")
     exact: bool = Field(
         default=True, description="false: of this kind, but in another form than the library's"
+    )
+    withdrawn: bool = Field(
+        default=False, description="true: named by the search, but refuted by recordings that were not fitted"
+    )
+    event: bool = Field(
+        default=False,
+        description="true: about what happened during one recording, and not about the model; off in other recordings",
     )
     parameters: list[CauseParameter] = []
     equation: str = ""
@@ -89,7 +80,9 @@ class Gain(Part):
     )
     interval: list[Number]
     level: Number
-    placebo: Number = Field(description="gain of a wrong effect, null if there is none")
+    placebo: Number = Field(description="gain of a wrong effect, null if none was fitted")
+    extension_parameters: int = Field(default=0, description="number of parameters of the extension")
+    placebo_parameters: int = Field(default=0, description="and of the wrong effect")
     events: list[EventGain]
 
 
@@ -101,6 +94,12 @@ class Place(Part):
     probability: Number
     chi2_per_sample: Number
     follows: list[tuple[str, Number]] = Field(description="quantities it moves with, and the correlation")
+    explained: Number = Field(
+        default=None, description="share of what parameters leave beyond noise that a signal explains, 0 to 1"
+    )
+    unit: str = Field(default="", description="of the signal")
+    time: list[Number] = Field(default=[], description="s, at most 200 instants of the first recording")
+    waveform: list[Number] = Field(default=[], description="the signal there")
 
 
 class RemainingCell(Part):
@@ -131,10 +130,23 @@ class Contribution(Part):
     value: Number = Field(description="contribution in the channels' unit times the root of a second")
 
 
+class ExtensionFit(Part):
+    """How well a channel is reproduced by models that the search fitted, to the same recordings."""
+
+    recording: str
+    role: Role
+    channel: str
+    unit: str
+    parameters: Fit = Field(description="with calibrated parameters alone")
+    extended: Fit | None = Field(default=None, description="with what was named; null if nothing was")
+
+
 class Discovery(Part):
     """Search for what the model lacks."""
 
+    tried: list[str] = Field(default=[], description="effects; empty if there was nothing to explain")
     hypotheses: list[HypothesisFit]
+    fits: list[ExtensionFit] = []
     cells: list[RemainingCell] = Field(description="what parameters alone leave beyond noise")
     places: list[Place] = []
     first_look: list[Contribution] = Field(

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from errorscreen.exceptions import InputError, unknown_name
 from errorscreen.persistence import write_text_atomic
-from errorscreen.report.result_schema import Result
+from errorscreen.report.result_schema import Result, Verdict
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -28,6 +28,8 @@ HEADLINES = {
     "effect": "The model lacks an effect",
     "unknown": "The cause of the error is not known",
 }
+#: What a verdict means that names an error of the event's record, or something that happened in one recording.
+EVENT_HEADLINE = "What happened during the recording explains the error, not the model"
 _DASH = "–"
 
 
@@ -77,7 +79,15 @@ def render_report(result: Result, figures: Iterable[ReportFigure] = ()) -> str:
     placed: dict[str, list[dict[str, str]]] = {section: [] for section in SECTIONS}
     for item in figures:
         placed[item.section].append({"caption": item.caption, "source": data_uri(item.figure)})
-    return _template().render(r=result, figures=placed, headline=HEADLINES[result.verdict.kind])
+    return _template().render(r=result, figures=placed, headline=headline_of(result.verdict))
+
+
+def headline_of(verdict: Verdict) -> str:
+    """What a verdict means, in one line."""
+    named = verdict.kind in ("effect", "measurement")
+    if named and verdict.causes and verdict.causes[0].event:
+        return EVENT_HEADLINE
+    return HEADLINES[verdict.kind]
 
 
 def data_uri(figure: Figure) -> str:

@@ -13,7 +13,8 @@ from pydantic import Field, ValidationError
 from errorscreen.discovery import ChannelFit, StageError
 from errorscreen.exceptions import InputError
 from errorscreen.persistence import write_json_atomic, write_text_atomic
-from errorscreen.report.discovery_schema import Cause, Discovery, Gain, Group, Number, Part
+from errorscreen.report.discovery_schema import Cause, Discovery, Gain, Group
+from errorscreen.report.parts import Fit, Number, Part, Role
 
 #: Raised whenever a reader of the old version would misread the new one.
 SCHEMA_VERSION: Literal[1] = 1
@@ -26,6 +27,9 @@ class Verdict(Part):
     text: str = Field(description="the reasons in plain words")
     causes: list[Cause] = Field(
         default=[], description="the most probable first; empty if they were not searched"
+    )
+    hints: list[str] = Field(
+        default=[], description="doubts about unit, base or sign of what was recorded, to be settled first"
     )
 
 
@@ -53,7 +57,9 @@ class RecordingData(Part):
     """One recording, and what was assumed about it."""
 
     name: str
-    role: Literal["fit", "held_out"]
+    role: Role = Field(
+        description="fit; together: fitted with it in the search for causes only; held_out: only judged on"
+    )
     path: str | None = None
     start: Number = Field(description="first instant that was used, in s")
     stop: Number = Field(description="last instant that was used, in s")
@@ -61,14 +67,6 @@ class RecordingData(Part):
     event_time: Number = Field(description="start of the event, in s")
     channels: list[ChannelData]
     assumptions: list[str] = []
-
-
-class Fit(Part):
-    """How well a channel is reproduced."""
-
-    rms: Number = Field(description="root mean square of the error, in the channel's unit")
-    E: Number = Field(description="relative squared error, equation (23)")
-    chi2_per_sample: Number = Field(description="mean square of the error in multiples of the noise")
 
 
 class ChannelDiagnosis(Part):
@@ -103,7 +101,7 @@ class RecordingDiagnosis(Part):
     """What the simulation of one recording gets wrong."""
 
     recording: str
-    role: Literal["fit", "held_out"]
+    role: Role
     channels: list[ChannelDiagnosis]
     stages: list[StageDiagnosis] = []
 
@@ -166,7 +164,7 @@ class MethodFit(Part):
     """How well a calibrated model reproduces one channel of one recording."""
 
     recording: str
-    role: Literal["fit", "held_out"]
+    role: Role
     channel: str
     unit: str
     before: Fit
@@ -232,7 +230,7 @@ class Result(Part):
 
 def diagnose_recording(
     recording: str,
-    role: Literal["fit", "held_out"],
+    role: Role,
     before: Iterable[ChannelFit],
     after: Iterable[ChannelFit] = (),
     stages_before: Iterable[StageError] = (),

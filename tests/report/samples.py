@@ -3,6 +3,16 @@
 import numpy as np
 
 from errorscreen.discovery import ChannelFit, StageError
+from errorscreen.report.discovery_schema import (
+    Cause,
+    CauseParameter,
+    Discovery,
+    EventGain,
+    ExtensionFit,
+    Gain,
+    HypothesisFit,
+    Place,
+)
 from errorscreen.report.result_schema import (
     Calibration,
     CalibrationMethod,
@@ -83,3 +93,69 @@ def result(**changes):
         ),
     }  # fmt: skip
     return Result(**{**parts, **changes})
+
+
+def cause(name="exciter", probability=0.97, **changes):
+    parts = {
+        "title": "Excitation control", "kind": "effect", "place": "Efd", "explained": 0.999,
+        "parameters": [
+            CauseParameter(name="exciter.K", unit="pu", description="gain", value=50.0, low=40.0, high=60.0)
+        ],
+        "equation": "T v' = K e - v", "explanation": "The machine holds its voltage.",
+        "confused_with": ["a governor"],
+    }  # fmt: skip
+    return Cause(name=name, probability=probability, **{**parts, **changes})
+
+
+UNKNOWN = Cause(name="unknown", title="Unknown", kind="unknown", place="", probability=0.03)
+
+
+def gain(value=0.6, low=0.4, high=0.7, events=3, **changes):
+    parts = {
+        "baseline": 9.0, "recalibrated": 5.0, "extended": 3.0, "gain": value, "interval": [low, high], "level": 0.9,
+        "placebo": 0.1, "placebo_parameters": 2, "extension_parameters": 3,
+        "events": [
+            EventGain(recording=f"trip {n}", baseline=9.0, recalibrated=5.0, extended=3.0) for n in range(events)
+        ],
+    }  # fmt: skip
+    return Gain(**{**parts, **changes})
+
+
+def discovery(**changes):
+    parts = {
+        "tried": ["exciter", "governor"],
+        "hypotheses": [HypothesisFit(name="exciter", chi2_per_sample=1.0, p_value=0.5, evidence=200.0)],
+        "fits": [
+            ExtensionFit(
+                recording=name, role=role, channel="P", unit="pu",
+                parameters=fit_of(fit(0.1)), extended=fit_of(fit(0.03)),
+            )
+            for name, role in (("trip", "fit"), ("third trip", "together"), ("second trip", "held_out"))
+        ],
+        "cells": [], "advice": ["Record the field voltage."], "n_simulations": 100, "seconds": 2.0,
+    }  # fmt: skip
+    return Discovery(**{**parts, **changes})
+
+
+def found(causes=None, **changes):
+    """Result of a study that searched causes and named one."""
+    verdict = Verdict(kind="effect", text="So it is.", causes=causes or [cause(), UNKNOWN])
+    return result(**{"verdict": verdict, "discovery": discovery(), "gain": gain(), **changes})
+
+
+def withdrawn():
+    """Result of a study that named a cause which held-out recordings refute."""
+    unknown = UNKNOWN.model_copy(update={"probability": 1.0})
+    verdict = Verdict(
+        kind="unknown", text="It gains nothing.", causes=[unknown, cause(probability=0.0, withdrawn=True)]
+    )
+    place = Place(
+        device="synchronous_machine", place="Efd", probability=0.9, chi2_per_sample=1.2, follows=[("V", -0.8)],
+        explained=0.95, unit="pu", time=[0.0, 1.0], waveform=[0.0, 0.2],
+    )  # fmt: skip
+    fits = [f.model_copy(update={"extended": None}) for f in discovery().fits]
+    return found(
+        verdict=verdict,
+        discovery=discovery(fits=fits, places=[place], advice=["Fit both together."]),
+        gain=gain(-0.2, -0.5, 0.1, placebo=0.05),
+    )

@@ -7,9 +7,9 @@ import pytest
 from errorscreen import plotting
 from errorscreen.exceptions import InputError
 from errorscreen.report import ReportFigure, write_report
-from errorscreen.report.html_report import HEADLINES, SECTIONS, render_report
+from errorscreen.report.html_report import EVENT_HEADLINE, HEADLINES, SECTIONS, render_report
 from errorscreen.report.result_schema import Calibration, Study, Verdict
-from tests.report.samples import result
+from tests.report.samples import UNKNOWN, cause, found, gain, result, withdrawn
 
 VOID = {"meta", "img", "br"}
 
@@ -109,3 +109,96 @@ def test_the_file_is_written_or_refused(tmp_path):
         write_report({}, [], tmp_path / "report.html")
     with pytest.raises(InputError, match="unknown section 'error'.*did you mean 'errors'"):
         ReportFigure("error", "", figures()[0].figure)
+
+
+def text_of(result):
+    return Outline(render_report(result, figures())).text
+
+
+def test_a_withdrawn_cause_is_told_as_withdrawn():
+    text = text_of(withdrawn())
+    assert "The extension" not in text
+    for words in (
+        HEADLINES["unknown"],
+        "Unknown – 1 – Withdrawn: Excitation control Efd 0 99.9 %",
+        "Withdrawn: Excitation control The search named it, and recordings that were not fitted refute it, so the "
+        "model is not extended by it. On them it adds 20 % of the squared error of the recalibrated model (interval of "
+        "what it removes: -50 … 10 %), and a wrong effect does no worse.",
+        "exciter.K gain pu 50 40 … 60",
+        "Where something unknown enters",
+        "synchronous_machine Efd 0.9 1.2 95 % V (-0.8)",
+        "What was withdrawn, with 3 parameters of its own, adds 20 % of the squared error",
+        "Fit both together.",
+    ):
+        assert words in text, words
+
+
+def test_what_was_named_is_the_extension():
+    text = text_of(found())
+    assert "The extension: Excitation control The machine holds its voltage." in text
+    assert "Withdrawn" not in text
+    assert "Effects that were tried: exciter, governor." in text
+    assert "third trip, fitted together P (pu) 0.1 0.03 −70 %" in text
+
+
+def test_an_error_of_the_record_of_an_event_is_no_lack_of_the_model():
+    text = text_of(found([cause("fault_duration", event=True, title="Fault of another duration"), UNKNOWN]))
+    assert EVENT_HEADLINE in text
+    assert HEADLINES["effect"] not in text
+    assert "Of this recording alone: Fault of another duration" in text
+    assert "The extension" not in text
+    assert "What belongs to one recording alone is off here" in text
+    mixed = found([cause("exciter + fault_duration"), UNKNOWN])
+    assert HEADLINES["effect"] in text_of(mixed)
+
+
+@pytest.mark.parametrize(
+    ("measured", "words"),
+    [
+        (
+            gain(),
+            "The extension, with 3 parameters of its own, removes 60 % of the squared error that the recalibrated "
+            "model has there (90 % interval of what it removes: 40 … 70 %). A placebo, a wrong effect with 2 "
+            "parameters, removes 10 %.",
+        ),
+        (
+            gain(placebo=None, placebo_parameters=0),
+            "70 %). There is no placebo to compare with: no wrong effect was fitted.",
+        ),
+        (gain(placebo=-0.3), "A placebo, a wrong effect with 2 parameters, adds 30 %."),
+        (gain(None, None, None), "with 3 parameters of its own, cannot be simulated there."),
+    ],
+)
+def test_the_gain_says_what_it_was_compared_with(measured, words):
+    assert words in text_of(found(gain=measured))
+
+
+@pytest.mark.parametrize(
+    ("events", "words"),
+    [
+        (1, "Caution: 1 recording was held out, so the interval is mostly over time within this event"),
+        (2, "Caution: 2 recordings were held out, so the interval is mostly over time within these events"),
+    ],
+)
+def test_few_events_are_no_sure_interval(events, words):
+    assert words in text_of(found(gain=gain(events=events)))
+    assert "Caution" not in text_of(found(gain=gain(events=3)))
+
+
+def test_doubts_about_units_stand_beside_the_verdict():
+    hint = "trip: P before the event is 72 pu: check its unit and base_mva."
+    text = text_of(result(verdict=Verdict(kind="unknown", text="Nobody knows.", hints=[hint])))
+    assert (
+        f"Nobody knows. Check first, because a wrong unit, base or sign looks like an unknown cause: {hint}"
+        in text
+    )
+
+
+def test_the_roles_of_recordings_are_told():
+    data = [*result().data, result().data[0].model_copy(update={"name": "third trip", "role": "together"})]
+    text = text_of(found(data=data))
+    assert (
+        "Fitted together third trip: 0 to 4.1 s every 0.02 s, event at 1 s; in the search for causes only"
+        in text
+    )
+    assert "third trip, fitted together channel unit" in text

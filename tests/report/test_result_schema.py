@@ -8,7 +8,7 @@ from pydantic import ValidationError
 from errorscreen.exceptions import InputError
 from errorscreen.report import diagnose_recording, read_result, write_result
 from errorscreen.report.result_schema import Verdict, json_schema, write_json_schema
-from tests.report.samples import fit, result, stage
+from tests.report.samples import fit, found, gain, result, stage, withdrawn
 
 DOCUMENTED = Path(__file__).resolve().parents[2] / "docs" / "result_schema.json"
 
@@ -29,10 +29,25 @@ def test_a_result_fits_the_schema(tmp_path):
         jsonschema.validate(data, json_schema())
 
 
-def test_reading_gives_what_was_written(tmp_path):
-    before = result()
+@pytest.mark.parametrize("before", [result(), found(), withdrawn(), found(gain=gain(placebo=None))])
+def test_reading_gives_what_was_written(before, tmp_path):
     after = read_result(write_result(before, tmp_path / "result.json"))
     assert after == before
+
+
+def test_a_result_without_what_was_added_later_is_read(tmp_path):
+    path = write_result(withdrawn(), tmp_path / "result.json")
+    data = json.loads(path.read_text())
+    for cause in data["verdict"]["causes"]:
+        del cause["withdrawn"], cause["event"]
+    del data["verdict"]["hints"], data["gain"]["placebo_parameters"], data["gain"]["extension_parameters"]
+    del data["discovery"]["fits"], data["discovery"]["tried"]
+    for place in data["discovery"]["places"]:
+        del place["unit"], place["time"], place["waveform"], place["explained"]
+    path.write_text(json.dumps(data))
+    after = read_result(path)
+    assert not any(cause.withdrawn or cause.event for cause in after.verdict.causes)
+    assert after.discovery.places[0].waveform == []
 
 
 def test_what_is_no_number_is_null(tmp_path):
