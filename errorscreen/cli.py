@@ -195,15 +195,22 @@ def _diagnose(options: argparse.Namespace, out: str | None) -> None:
         "discovery": case.discovery.model_copy(update={"enabled": True}),
     }
     case = case.model_copy(update=changes)
-    _study(lambda: Study.from_case(case), _case_folder(options, case, out, "diagnosis"), options)
+    folder = _case_folder(options, case, out, "diagnosis", within="diagnose")
+    _study(lambda: Study.from_case(case), folder, options)
 
 
-def _case_folder(options: argparse.Namespace, case: Any, out: str | None, kind: str) -> Path:
-    """Output folder: the one asked for, that of the case file, or one beside the caller."""
+def _case_folder(
+    options: argparse.Namespace, case: Any, out: str | None, kind: str, within: str = ""
+) -> Path:
+    """Output folder: the one asked for, that of the case file, or one beside the caller.
+
+    The case file states one folder for several commands: each but `run` has one of its own in it, `within`, so that it
+    does not overwrite the report of another.
+    """
     path = Path(options.case)
     if out is not None:
         return Path(out)
-    return path.parent / case.run.out if case.run.out else Path(f"{path.stem}-{kind}")
+    return path.parent / case.run.out / within if case.run.out else Path(f"{path.stem}-{kind}")
 
 
 def _bench_speed(options: argparse.Namespace, out: str) -> None:
@@ -283,9 +290,10 @@ def _study(prepare: Callable[[], Any], out: Path, options: argparse.Namespace) -
     print(f"{study.title}: {outcome.verdict.kind}\n{outcome.verdict.text}")
     if outcome.discovered is not None:
         for cause in outcome.discovered.meta["causes"][:3]:
-            print(f"  {cause['probability']:.2f}  {cause['title']}")
-        for sentence in outcome.discovered.meta["advice"]:
-            print(f"Next: {sentence}")
+            withdrawn = ", withdrawn" if cause["withdrawn"] else ""
+            print(f"  {cause['probability']:.2f}  {cause['title']}{withdrawn}")
+    for sentence in outcome.advice:
+        print(f"Next: {sentence}")
     failed = _failed(outcome)
     if failed:
         print(failed)

@@ -155,6 +155,10 @@ BAD_CASE = {
     "absurd step": ("[screening]", "[simulation]\nstep = -1.0\n[screening]", "step.*Allowed: a number > 0"),
     "tiny step": ("[screening]", "[simulation]\nstep = 1e-9\n[screening]", "simulation.step: 5.9.* are 5.9.*e.09 st"),
     "tiny dt": ("[screening]", "[simulation]\ndt = 1e-9\n[screening]", "simulation.dt: 5.9.*Allowed: at most 1e.06"),
+    "unknown effect": (
+        "[discovery]", '[discovery]\neffects = ["lag_P", "exiter"]', "toml, discovery.effects: unknown effect 'exiter'",
+    ),
+    "a first look at one sample": ("[discovery]", "[discovery]\nfirst_look = 1", "first_look: 1 was found.*>= 20"),
     "zero jobs": ("[calibration]", "[run]\nn_jobs = 0\n[calibration]", "n_jobs is 0"),
 }  # fmt: skip
 
@@ -243,6 +247,61 @@ def test_run_writes_result_and_report_and_reuses_stages(tmp_path, capsys):
     assert read_result(out / "result.json").run.reused == []
 
 
+def test_a_search_that_was_left_out_is_made_up_for(tmp_path):
+    case, out = (
+        folder(tmp_path, CASE.replace('"random"', '"sensitivity"').replace('"sensitivity", ', "")),
+        tmp_path / "o",
+    )
+    assert main(["run", case, "--out", str(out), "--quiet", "--no-discovery"]) == 0
+    first = read_result(out / "result.json")
+    assert first.discovery is None
+    assert main(["run", case, "--out", str(out), "--quiet"]) == 0
+    second = read_result(out / "result.json")
+    assert second.discovery is not None
+    assert len(second.run.reused) == 5
+    assert (second.screening, second.calibration) == (first.screening, first.calibration)
+    # diagnose asks for less, and that is there
+    assert main(["diagnose", case, "--out", str(out), "--quiet"]) == 0
+    assert set(read_result(out / "result.json").run.reused) == {
+        "screening-sensitivity", "calibration-map", "discovery",
+    }  # fmt: skip
+
+
+def test_the_folder_of_a_case_keeps_the_reports_of_both_commands(tmp_path):
+    case = folder(tmp_path, CASE.replace('"cnn", ', "") + '[run]\nout = "kept"\n')
+    assert main(["run", case, "--quiet", "--no-discovery"]) == 0
+    report = (tmp_path / "kept" / "report.html").read_bytes()
+    assert main(["diagnose", case, "--quiet"]) == 0
+    assert (tmp_path / "kept" / "report.html").read_bytes() == report
+    assert read_result(tmp_path / "kept" / "diagnose" / "result.json").discovery is not None
+
+
+@pytest.mark.filterwarnings("ignore:.*P before the event is")
+@pytest.mark.parametrize("arguments", [[], ["--no-discovery"]])
+def test_a_doubtful_sign_is_what_to_check_first(arguments, tmp_path, capsys):
+    text = CASE.replace('"cnn", ', "").replace('unit = "MW"', 'unit = "MW"\nsign = "load"')
+    out = tmp_path / "out"
+    assert main(["run", folder(tmp_path, text), "--out", str(out), "--quiet", *arguments]) == 0
+    hint = "r: P before the event is -0.721 pu, but generation is positive: check its sign."
+    first = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("Next: "))
+    assert first == f"Next: {hint}"
+    result = read_result(out / "result.json")
+    assert result.verdict.kind == "unknown"
+    assert result.verdict.hints == [hint]
+    assert f"<li>{hint}</li>" in (out / "report.html").read_text()
+    if result.discovery is not None:
+        assert result.discovery.advice[0] == hint
+
+
+def test_the_least_first_look_works(tmp_path):
+    text = CASE.replace('"cnn", ', "").replace(
+        "[discovery]", '[discovery]\nfirst_look = 20\neffects = ["exciter"]'
+    )
+    assert main(["run", folder(tmp_path, text), "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    looked = read_result(tmp_path / "out" / "result.json").discovery.first_look
+    assert "exciter" in [one.name for one in looked]
+
+
 def test_the_number_of_jobs_does_not_matter(tmp_path):
     results = []
     for jobs in (1, 2):
@@ -305,7 +364,7 @@ def test_the_fitted_recording_cannot_be_judged_on(tmp_path, capsys):
     case = folder(
         tmp_path, CASE.replace("[device]", '[[held_out]]\npath = "copy.csv"\nevent_time = 1.0\n[device]')
     )
-    message = "recording 'copy': it holds the same readings as 'r'"
+    message = r"recording 'copy' in \[\[held_out\]\]: it holds the same readings as recording 'r'"
     refused(["run", case, "--out", str(tmp_path / "out"), "--quiet"], message, capsys)
 
 

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
+from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
 from errorscreen.cases.case_models import DiscoverySection, RunSection
-from errorscreen.discovery import CauseFinder, FirstLook, Gain, Verdict
+from errorscreen.discovery import CauseFinder, FirstLook, Place, Verdict
 from errorscreen.discovery.hypotheses import Hypothesis
 from errorscreen.observations import Observation
 from errorscreen.regressors import import_network
 from errorscreen.simulators.base import Simulator
+from errorscreen.workflow.advice import advice, doubts
 
 #: cells of the remaining error that are told, at most
 _CELLS = 12
@@ -22,25 +24,40 @@ _CELLS = 12
 
 def discover_causes(
     simulator: Simulator,
-    observation: Observation,
+    observations: Sequence[Observation],
     held_out: Sequence[Observation],
     section: DiscoverySection,
     run: RunSection,
     report: Callable[[str], None],
+    checkpoint: Path | None = None,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Search the causes of one recording and measure the gain on the others.
+    """Search the causes of some recordings together and measure the gain on others.
+
+    Parameters
+    ----------
+    simulator : Simulator
+    observations : sequence of Observation
+        What is fitted; the first look is at the first of them.
+    held_out : sequence of Observation
+    section : DiscoverySection
+    run : RunSection
+    report : callable
+        Takes lines of text.
+    checkpoint : Path, optional
+        Folder for finished parts of the search.
 
     Returns
     -------
     arrays : dict
-        ``response-<n>`` (R, L) of the extended model for the fitted recording and each held-out one, and
-        ``waveform-<n>`` (2, L): time and unknown signal at each place that was ranked.
+        ``parameters-<n>`` and ``response-<n>`` (R, L) of the model with parameters alone and of the extended one for
+        each fitted recording and each held-out one, and ``waveform-<n>`` (2, L): time and unknown signal at each place
+        that was ranked.
     meta : dict
-        ``verdict``, ``causes``, ``groups``, ``gain``, ``places``, ``cells``, ``hypotheses``, ``first_look``,
-        ``advice``, counts.
+        ``verdict``, ``label``, ``labels``, ``causes``, ``groups``, ``gain``, ``places``, ``cells``, ``tried``,
+        ``hypotheses``, ``first_look``, ``advice``, counts.
     """
     started = perf_counter()
-    looked = _first_look(simulator, observation, section, run, report) if section.first_look else []
+    looked = _first_look(simulator, observations[0], section, run, report) if section.first_look else []
     finder = CauseFinder(
         simulator,
         section.effects,
@@ -51,44 +68,71 @@ def discover_causes(
         events=[o.event for o in held_out],
         random_state=run.random_state,
         report=report,
-    ).fit(observation)
-    named = finder.verdict_.kind in ("effect", "measurement")
+        checkpoint=checkpoint,
+    ).fit(list(observations))
     gain = finder.confirm(held_out) if held_out else None
-    if named and not held_out:
+    if finder.verdict_.kind in ("effect", "measurement") and not held_out:
         finder.verdict_ = Verdict(
             finder.verdict_.kind,
             f"{finder.verdict_.text} No recording was held out, so the gain is not confirmed on another event.",
         )
-    base = next(h for h in finder.hypotheses_ if not h.effects)
-    extended = finder.extended_simulator_
+    everything = (*observations, *held_out)
+    meta = {
+        **_told(finder),
+        "labels": [_label(finder, o) for o in everything],
+        "gain": None if gain is None else asdict(gain),
+        "first_look": looked,
+        "advice": advice(finder, gain, doubts(everything), judged=bool(held_out)),
+        "seconds": perf_counter() - started,
+    }
+    return _responses(finder, everything), meta
+
+
+def _responses(finder: CauseFinder, observations: Sequence[Observation]) -> dict[str, Any]:
+    """Responses without and with what was named, and the signal at each place."""
     arrays: dict[str, Any] = {}
-    for n, o in enumerate((observation, *held_out)):
-        arrays[f"response-{n}"] = extended.simulate(extended.parameters.nominal, o.event).values[0]
+    models = {"parameters": finder.recalibrated_simulator_, "response": finder.extended_simulator_}
+    for n, observation in enumerate(observations):
+        for name, model in models.items():
+            batch = model.simulate(model.parameters.nominal, observation.event)
+            arrays[f"{name}-{n}"] = batch.values[0]
     for n, place in enumerate(finder.places_):
         arrays[f"waveform-{n}"] = np.array([place.time, place.waveform])
+    return arrays
+
+
+def _named(finder: CauseFinder) -> bool:
+    """Whether the extended model has an effect: what was withdrawn is not in it."""
+    return finder.verdict_.kind in ("effect", "measurement")
+
+
+def _label(finder: CauseFinder, observation: Observation) -> str:
+    """What the extended model is in one recording, for a legend."""
+    effects = finder.best_.effects if _named(finder) else ()
+    acting = [effect.original for effect in effects if effect.acts_in(observation.event)]
+    if acting:
+        return f"extended ({' + '.join(acting)})"
+    names = list(dict.fromkeys(effect.original for effect in effects))
+    return f"parameters fitted beside {' + '.join(names)}, which is off here" if names else ""
+
+
+def _told(finder: CauseFinder) -> dict[str, Any]:
+    """What the search found, as JSON values."""
+    base = next(h for h in finder.hypotheses_ if not h.effects)
     cells = finder.remainders_[base.name].significant[:_CELLS]
-    meta = {
+    return {
         "verdict": asdict(finder.verdict_),
-        "label": finder.best_.name if named and finder.verdict_.kind != "unknown" else "",
+        "label": finder.best_.name if _named(finder) else "",
         "causes": [_cause(cause, finder) for cause in finder.causes_],
         "groups": [
             {"names": list(g.names), "separating": [list(item) for item in g.separating]}
             for g in finder.groups_
         ],
-        "gain": None if gain is None else asdict(gain),
-        "places": [
-            {
-                "device": p.device,
-                "place": p.place,
-                "probability": p.probability,
-                "chi2_per_sample": p.chi2_per_sample,
-                "follows": [list(item) for item in p.follows],
-            }
-            for p in finder.places_
-        ],
+        "places": [_place(place) for place in finder.places_],
         "cells": [
             {k: v for k, v in asdict(cell).items() if k not in ("significant", "expected")} for cell in cells
         ],
+        "tried": list(finder.tried_),
         "hypotheses": [
             {
                 "name": h.name,
@@ -98,12 +142,16 @@ def discover_causes(
             }
             for h in finder.hypotheses_
         ],
-        "first_look": looked,
-        "advice": advice(finder, gain),
         "n_simulations": finder.n_simulations_,
-        "seconds": perf_counter() - started,
     }
-    return arrays, meta
+
+
+def _place(place: Place) -> dict[str, Any]:
+    """What stands in the result about one place beside its signal."""
+    names = ("device", "place", "probability", "chi2_per_sample", "explained", "unit")
+    return {name: getattr(place, name) for name in names} | {
+        "follows": [list(item) for item in place.follows]
+    }
 
 
 def _first_look(
@@ -163,32 +211,10 @@ def _cause(cause: Any, finder: CauseFinder) -> dict[str, Any]:
         "probability": cause.probability,
         "explained": cause.explained,
         "exact": cause.exact,
+        "withdrawn": cause.withdrawn,
+        "event": cause.event,
         "parameters": parameters,
         "equation": "; ".join(e.formula for e in effects),
         "explanation": " ".join(e.description for e in effects),
         "confused_with": [text for e in effects for text in e.confused_with],
     }
-
-
-def advice(finder: CauseFinder, gain: Gain | None) -> list[str]:
-    """What to measure next, in sentences."""
-    out = []
-    ports = getattr(getattr(finder.simulator, "device", None), "ports", {})
-    for group in finder.groups_:
-        if group.separating:
-            event, channel, distance = group.separating[0]
-            out.append(
-                f"{' and '.join(group.names[:2])} differ most in {channel} of an event like {event!r}, by "
-                f"{distance:.0f} standard deviations in all: fit that recording together with this one."
-            )
-        else:
-            out.append(
-                f"{', '.join(group.names)} cannot be told apart from this recording: record an event of another depth "
-                "or duration."
-            )
-    for place in finder.places_[:1]:
-        what = ports.get(place.place, place.place)
-        out.append(f"Something unknown enters at {place.place}: record the {what}, and whatever acts on it.")
-    if finder.verdict_.kind in ("effect", "measurement") and gain is None:
-        out.append("Record another event of the same unit: only that can confirm what was named.")
-    return out

@@ -24,7 +24,7 @@ def observed_grid(
         If a recording is not one of this grid, or what happened is impossible in it.
     """
     events, notes = [], []
-    for section, recording in zip((case.recording, *case.held_out), recordings, strict=True):
+    for section, recording in zip(case.recordings.values(), recordings, strict=True):
         where = f"recording {recording.name!r}"
         ((key, happened),) = section.events.items()
         time = recording.resample(case.simulation.dt).time

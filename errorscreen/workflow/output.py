@@ -7,27 +7,20 @@ from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, version
 from itertools import zip_longest
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import errorscreen
-from errorscreen.features import CWTTransformer
 from errorscreen.metrics import top_k_overlap
 from errorscreen.observations import Observation
-from errorscreen.plotting import (
-    plot_error_images,
-    plot_intervals,
-    plot_rankings,
-    plot_responses,
-    plot_waveform,
-)
-from errorscreen.report import ReportFigure, Result, write_report, write_result
+from errorscreen.report import Result, write_report, write_result
 from errorscreen.report.discovery_schema import (
     Cause,
     Contribution,
     Discovery,
+    ExtensionFit,
     Gain,
     Group,
     HypothesisFit,
@@ -35,6 +28,7 @@ from errorscreen.report.discovery_schema import (
     RemainingCell,
     Separation,
 )
+from errorscreen.report.parts import Role
 from errorscreen.report.result_schema import (
     Calibration,
     CalibrationMethod,
@@ -52,12 +46,13 @@ from errorscreen.report.result_schema import (
 )
 from errorscreen.report.result_schema import Study as StudyData
 from errorscreen.report.result_schema import Verdict as VerdictData
+from errorscreen.workflow.figures import figures
 from errorscreen.workflow.screen import selector
 from errorscreen.workflow.study import Calibrated, Discovered, Outcome
 
 _PACKAGES = ("numpy", "scipy", "scikit-learn", "numba", "PyWavelets", "torch")
-#: rows and columns of the error images in the report
-_IMAGE = (64, 256)
+#: instants of a signal in the result, at most
+_POINTS = 200
 
 
 def write_outputs(outcome: Outcome, out: str | Path) -> tuple[Path, Path]:
@@ -86,6 +81,7 @@ def build_result(outcome: Outcome) -> Result:
     study = outcome.study
     device = getattr(study.simulator, "device", None)
     found = outcome.discovered.meta if outcome.discovered else {}
+    data = zip_longest(outcome.observations, study.roles, study.paths)
     simulations = [*outcome.screened, *(c.meta["n_simulations"] for c in outcome.calibrated)]
     simulations.append(found.get("n_simulations", 0))
     return Result(
@@ -93,6 +89,7 @@ def build_result(outcome: Outcome) -> Result:
             kind=outcome.verdict.kind,  # type: ignore[arg-type]
             text=outcome.verdict.text,
             causes=[Cause(**cause) for cause in found.get("causes", [])],
+            hints=outcome.hints,
         ),
         study=StudyData(
             title=study.title,
@@ -102,13 +99,13 @@ def build_result(outcome: Outcome) -> Result:
             f_nominal=study.f_nominal,
             parameters=len(study.simulator.parameters),
         ),
-        data=[_data(o, role, path) for (o, role), path in zip_longest(_with_roles(outcome), study.paths)],
+        data=[_data(*one) for one in data],
         diagnosis=Diagnosis(recordings=list(_diagnoses(outcome))),
         screening=_screening(outcome),
         calibration=Calibration(methods=[_calibration(c, outcome) for c in outcome.calibrated]),
         groups=[_group(group) for group in found.get("groups", [])],
         gain=Gain.model_validate(found["gain"]) if found.get("gain") else None,
-        discovery=_discovery(found) if found else None,
+        discovery=_discovery(outcome.discovered, outcome) if outcome.discovered else None,
         run=Run(
             version=errorscreen.__version__,
             python=platform.python_version(),
@@ -133,11 +130,18 @@ def _group(group: dict[str, Any]) -> Group:
     return Group(names=group["names"], separating=separating)
 
 
-def _discovery(found: dict[str, Any]) -> Discovery:
+def _discovery(discovered: Discovered, outcome: Outcome) -> Discovery:
+    found = discovered.meta
+    signals = map(thinned, discovered.waveforms)
     return Discovery(
+        tried=found["tried"],
         hypotheses=[HypothesisFit(**h) for h in found["hypotheses"]],
+        fits=list(_extension_fits(discovered, outcome)),
         cells=[RemainingCell(**cell) for cell in found["cells"]],
-        places=[Place(**place) for place in found["places"]],
+        places=[
+            Place(**place, time=time.tolist(), waveform=signal.tolist())
+            for place, (time, signal) in zip(found["places"], signals, strict=True)
+        ],
         first_look=[Contribution(**c) for c in found["first_look"]],
         advice=found["advice"],
         n_simulations=found["n_simulations"],
@@ -145,115 +149,36 @@ def _discovery(found: dict[str, Any]) -> Discovery:
     )
 
 
-def figures(outcome: Outcome) -> Iterator[ReportFigure]:
-    """Figures of the report, in the order in which they stand there."""
-    best = outcome.best
-    for n, observation in enumerate(outcome.observations):
-        role = "fitted" if n == 0 else "not used for fitting"
-        responses = {"before": outcome.before[n], f"after ({best.label})": best.responses[n]}
-        yield ReportFigure(
-            "responses",
-            f"{observation.event.name} ({role}): measured against simulated before and after calibration.",
-            plot_responses(observation, responses),
-        )
-    yield _error_image(outcome)
-    rankings = {s.method: _named(outcome, s.contributions) for s in outcome.screened}
-    if outcome.true_contributions is not None:
-        rankings["truth"] = _named(outcome, outcome.true_contributions)
-    yield ReportFigure(
-        "screening",
-        "Contribution of each parameter to the error by each screener, relative to its largest; selected ones dark.",
-        plot_rankings(rankings, selected={s.method: s.names for s in outcome.screened}),
-    )
-    for calibrated in outcome.calibrated:
-        if "intervals" in calibrated.arrays:
-            yield _interval_figure(calibrated, outcome)
-    if outcome.discovered is not None:
-        yield from _discovery_figures(outcome, outcome.discovered)
-
-
-def _error_image(outcome: Outcome) -> ReportFigure:
-    """Wavelet energy of the error before and after, on the fitted recording."""
-    observation = outcome.study.observation
-    responses = {"before": outcome.before[0], f"after ({outcome.best.label})": outcome.best.responses[0]}
-    errors = {k: np.where(observation.mask, observation.values - y, 0.0) for k, y in responses.items()}
-    cwt = CWTTransformer(
-        sampling_period=observation.event.dt,
-        n_frequencies=_IMAGE[0],
-        n_columns=_IMAGE[1],
-        energy="linear",
-        precision=15,
-    )
-    images = cwt.fit_transform(np.array(list(errors.values())))
-    return ReportFigure(
-        "errors",
-        f"{observation.event.name}: energy of the error over time and frequency. The dashed line marks the event, the "
-        "pale parts what the ends of the record distort.",
-        plot_error_images(
-            dict(zip(errors, images, strict=True)),
-            cwt.frequencies_,
-            cwt.times_ + observation.time[0],
-            observation.channels,
-            event_time=observation.event.start,
-            cone=cwt.cone_of_influence_,
-        ),
-    )
-
-
-def _discovery_figures(outcome: Outcome, found: Discovered) -> Iterator[ReportFigure]:
-    """Responses of the extended model, or the unknown signal at the likeliest place."""
-    if found.label:
-        for n, observation in enumerate(outcome.observations):
-            role = "fitted" if n == 0 else "not used for fitting"
-            responses = {
-                f"parameters only ({outcome.best.label})": outcome.best.responses[n],
-                f"extended ({found.label})": found.responses[n],
-            }
-            yield ReportFigure(
-                "discovery",
-                f"{observation.event.name} ({role}): the calibrated model without and with {found.label}.",
-                plot_responses(observation, responses),
+def _extension_fits(discovered: Discovered, outcome: Outcome) -> Iterator[ExtensionFit]:
+    """Errors of what the search fitted, channel by channel."""
+    recordings = zip(outcome.study.roles, discovered.fits_alone, discovered.fits, strict=True)
+    for role, alone, extended in recordings:
+        for one, two in zip(alone, extended, strict=True):
+            yield ExtensionFit(
+                recording=one.recording,
+                role=role,
+                channel=one.channel,
+                unit=one.unit,
+                parameters=fit_of(one),
+                extended=fit_of(two) if discovered.label else None,
             )
-    elif found.waveforms:
-        place = found.meta["places"][0]
-        time, signal = found.waveforms[0]
-        yield ReportFigure(
-            "discovery",
-            f"Signal that would have to enter at {place['place']} of the {place['device']} to explain it, in "
-            "the unit of that port.",
-            plot_waveform(time, signal, place["place"], event_time=outcome.study.observation.event.start),
-        )
 
 
-def _interval_figure(calibrated: Calibrated, outcome: Outcome) -> ReportFigure:
-    space = outcome.study.simulator.parameters.subset(calibrated.names)
-    values = [calibrated.theta[outcome.study.simulator.parameters.index(n)] for n in calibrated.names]
-    level = 100 * outcome.study.calibration.level
-    return ReportFigure(
-        "calibration",
-        f"{calibrated.label}: values with {level:.0f} % intervals, as deviation from nominal, within their bounds.",
-        plot_intervals(
-            space.names,
-            space.nominal,
-            space.bounds,
-            values,
-            calibrated.arrays["intervals"],
-            identifiable=calibrated.arrays["identifiable"],
-            scales=space.scales,
-        ),
-    )
+def thinned(series: NDArray[np.float64]) -> NDArray[np.float64]:
+    """At most `_POINTS` columns of an array (2, L), the first and the last among them.
+
+    Examples
+    --------
+    >>> thinned(np.arange(1002.0).reshape(2, 501)).shape
+    (2, 200)
+    """
+    length = series.shape[1]
+    if length <= _POINTS:
+        return series
+    return series[:, np.rint(np.linspace(0, length - 1, _POINTS)).astype(int)]
 
 
-def _named(outcome: Outcome, values: NDArray[np.float64]) -> dict[str, Any]:
-    """Values of all parameters by name."""
-    return dict(zip(outcome.study.simulator.parameters.names, values.tolist(), strict=True))
-
-
-def _with_roles(outcome: Outcome) -> list[tuple[Observation, Literal["fit", "held_out"]]]:
-    return [(o, "fit" if n == 0 else "held_out") for n, o in enumerate(outcome.observations)]
-
-
-def _data(observation: Observation, role: Literal["fit", "held_out"], path: str | None) -> RecordingData:
+def _data(observation: Observation, role: Role, path: str | None) -> RecordingData:
     return RecordingData(
         name=observation.event.name,
         role=role,
@@ -273,10 +198,10 @@ def _data(observation: Observation, role: Literal["fit", "held_out"], path: str 
 
 
 def _diagnoses(outcome: Outcome) -> Iterator[RecordingDiagnosis]:
-    for n, (observation, role) in enumerate(_with_roles(outcome)):
+    for n, observation in enumerate(outcome.observations):
         yield diagnose_recording(
             observation.event.name,
-            role,
+            outcome.study.roles[n],
             outcome.fits[n],
             outcome.best.fits[n],
             outcome.stages[n],
@@ -292,11 +217,11 @@ def _screening(outcome: Outcome) -> Screening:
     )
     return Screening(
         rule=words,
-        truth=None if truth is None else _named(outcome, truth),
+        truth=None if truth is None else outcome.named(truth),
         methods=[
             ScreeningMethod(
                 method=s.method,
-                contributions=_named(outcome, s.contributions),
+                contributions=outcome.named(s.contributions),
                 selected=list(s.names),
                 overlap=None
                 if truth is None
@@ -321,8 +246,8 @@ def _calibration(calibrated: Calibrated, outcome: Outcome) -> CalibrationMethod:
             before=fit_of(before),
             after=fit_of(after),
         )
-        for (observation, role), befores, afters in zip(
-            _with_roles(outcome), outcome.fits, calibrated.fits, strict=True
+        for observation, role, befores, afters in zip(
+            outcome.observations, outcome.study.roles, outcome.fits, calibrated.fits, strict=True
         )
         for before, after in zip(befores, afters, strict=True)
     ]

@@ -55,47 +55,10 @@ def run_study(
         If the network is asked for and torch is not installed.
     """
     start, started = perf_counter(), datetime.now(UTC).isoformat(timespec="seconds")
-    store = StageStore(Path(out) / "stages", study.fingerprint(), report)
-    simulator, observation = study.simulator, study.observation
-    before = tuple(_nominal(simulator, o) for o in (observation, *study.held_out))
-    screened = []
-    for method in study.screening.methods:
-        report(f"screening: {method}")
-        arrays, meta = store.get(
-            f"screening-{method}",
-            lambda method=method: screen(  # type: ignore[misc]
-                method, simulator, observation, study.screening, study.run, store.folder, progress
-            ),
-        )
-        screened.append(
-            Screened(
-                method,
-                arrays["contributions"],
-                tuple(meta["names"]),
-                meta["seconds"],
-                meta["n_simulations"],
-                meta["n_failed"],
-                meta["threads"],
-            )
-        )
-    report("calibration: map on all parameters")
-    settings = (study.calibration, study.run, progress)
-    arrays, meta = store.get(
-        "calibration-map", lambda: calibrate_map(simulator, observation, study.held_out, *settings)
-    )
-    verdict = Verdict(**meta["verdict"])
-    calibrated = []
-    for calibrator in study.calibration.methods:
-        if calibrator == "map":
-            calibrated.append(_calibrated("map", "all", arrays, meta, study))
-            continue
-        for one in screened:
-            report(f"calibration: pso on the selection of {one.method}: {', '.join(one.names)}")
-            found = store.get(
-                f"calibration-pso-{one.method}",
-                lambda one=one: calibrate_pso(simulator, observation, one.names, *settings),  # type: ignore[misc]
-            )
-            calibrated.append(_calibrated("pso", one.method, *found, study))
+    store = StageStore(Path(out) / "stages", report)
+    before = tuple(_nominal(study.simulator, o) for o in study.observations)
+    screened = [_screened(method, study, store, progress, report) for method in study.screening.methods]
+    calibrated, verdict = _calibrated_by_all(study, screened, store, progress, report)
     discovered = None
     if study.discovery.enabled:
         report("discovery: what parameters cannot explain")
@@ -116,18 +79,92 @@ def run_study(
     )
 
 
-def _discovered(study: Study, store: StageStore, report: Callable[[str], None]) -> Discovered:
-    """Search the causes, or take over what was found before."""
-    observations = (study.observation, *study.held_out)
+def _screened(
+    method: str, study: Study, store: StageStore, progress: bool, report: Callable[[str], None]
+) -> Screened:
+    """Rank the parameters by one method, or take over what was found before."""
+    report(f"screening: {method}")
+    key = study.fingerprint("screening")
     arrays, meta = store.get(
-        "discovery",
-        lambda: discover_causes(
-            study.simulator, study.observation, study.held_out, study.discovery, study.run, report
+        f"screening-{method}",
+        key,
+        lambda: screen(
+            method,
+            study.simulator,
+            study.observation,
+            study.screening,
+            study.run,
+            store.folder(key),
+            progress,
         ),
     )
-    responses = tuple(arrays[f"response-{n}"] for n in range(len(observations)))
-    waveforms = tuple(arrays[f"waveform-{n}"] for n in range(len(meta["places"])))
-    return Discovered(meta["label"], responses, _each(channel_fits, study, responses), waveforms, meta)
+    counts = (meta[name] for name in ("seconds", "n_simulations", "n_failed", "threads"))
+    return Screened(method, arrays["contributions"], tuple(meta["names"]), *counts)
+
+
+def _calibrated_by_all(
+    study: Study,
+    screened: list[Screened],
+    store: StageStore,
+    progress: bool,
+    report: Callable[[str], None],
+) -> tuple[list[Calibrated], Verdict]:
+    """Calibrate by each method, or take over what was found before; and what follows for the cause of the error."""
+    report("calibration: map on all parameters")
+    settings = (study.calibration, study.run, progress)
+    arrays, meta = store.get(
+        "calibration-map",
+        study.fingerprint("calibration", study.held_out),
+        lambda: calibrate_map(study.simulator, study.observation, study.held_out, *settings),
+    )
+    verdict = Verdict(**meta["verdict"])
+    calibrated = []
+    for calibrator in study.calibration.methods:
+        if calibrator == "map":
+            calibrated.append(_calibrated("map", "all", arrays, meta, study))
+            continue
+        for one in screened:
+            report(f"calibration: pso on the selection of {one.method}: {', '.join(one.names)}")
+            found = store.get(
+                f"calibration-pso-{one.method}",
+                study.fingerprint("calibration", one.names),
+                lambda one=one: calibrate_pso(  # type: ignore[misc]
+                    study.simulator, study.observation, one.names, *settings
+                ),
+            )
+            calibrated.append(_calibrated("pso", one.method, *found, study))
+    return calibrated, verdict
+
+
+def _discovered(study: Study, store: StageStore, report: Callable[[str], None]) -> Discovered:
+    """Search the causes, or take over what was found before."""
+    # the search itself goes on where it stopped, also with other recordings to judge on
+    search = store.folder(study.fingerprint("discovery", study.together)) / "search"
+    arrays, meta = store.get(
+        "discovery",
+        study.fingerprint("discovery", study.together, study.held_out),
+        lambda: discover_causes(
+            study.simulator,
+            study.searched,
+            study.held_out,
+            study.discovery,
+            study.run,
+            report,
+            search,
+        ),
+    )
+    numbers = range(len(study.observations))
+    alone, responses = (tuple(arrays[f"{kind}-{n}"] for n in numbers) for kind in ("parameters", "response"))
+    return Discovered(
+        meta["label"],
+        tuple(meta["labels"]),
+        alone,
+        responses,
+        _each(channel_fits, study, alone),
+        _each(channel_fits, study, responses),
+        tuple(arrays[f"waveform-{n}"] for n in range(len(meta["places"]))),
+        meta,
+    )
 
 
 def _nominal(simulator: Simulator, observation: Observation) -> NDArray[np.float64]:
@@ -150,16 +187,15 @@ def _each(
     describe: Callable[..., Any], study: Study, responses: tuple[NDArray[np.float64], ...]
 ) -> tuple[Any, ...]:
     """What `describe` says about each recording and its response."""
-    return tuple(describe(o, y) for o, y in zip((study.observation, *study.held_out), responses, strict=True))
+    return tuple(describe(o, y) for o, y in zip(study.observations, responses, strict=True))
 
 
 def _calibrated(
     method: str, selection: str, arrays: dict[str, Any], meta: dict[str, Any], study: Study
 ) -> Calibrated:
     """Simulate every recording with the values found."""
-    observations = (study.observation, *study.held_out)
     responses = []
-    for observation in observations:
+    for observation in study.observations:
         batch = study.simulator.simulate(arrays["theta"], observation.event)
         if not batch.ok.all() and observation is study.observation:
             raise SimulationError(f"the calibrated model cannot be simulated: {batch.failures()}")

@@ -9,19 +9,19 @@ from typing import Any
 from errorscreen.exceptions import InputError
 from errorscreen.persistence import load_arrays, save_arrays
 
-_FORMAT, _VERSION = "errorscreen-stage", 2
+_FORMAT, _VERSION = "errorscreen-stage", 3
 Stage = tuple[dict[str, Any], dict[str, Any]]
 
 
 class StageStore:
-    """Results of the stages of one study, in a folder that belongs to exactly this study.
+    """Results of the stages of studies that have the same output folder.
+
+    Each stage lies in a folder named after the fingerprint of what it depends on. So one that a change of the case file
+    does not concern is used again, and one that it concerns is not.
 
     Parameters
     ----------
     folder : path-like
-        Its parent holds the stages of all studies that were run with the same output folder.
-    key : str
-        Fingerprint of everything the stages depend on; another study gets another folder.
     report : callable
         Takes a line of text where a stored stage cannot be used.
 
@@ -31,43 +31,58 @@ class StageStore:
         If the folder cannot be made.
     """
 
-    def __init__(
-        self, folder: str | Path, key: str, report: Callable[[str], None] = lambda line: None
-    ) -> None:
-        self.folder = Path(folder) / key[:16]
+    def __init__(self, folder: str | Path, report: Callable[[str], None] = lambda line: None) -> None:
+        self._root, self._report = Path(folder), report
         self.reused: list[str] = []
-        self._key, self._report = key, report
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(
-                f"the folder cannot be made: {error.strerror or error}",
-                where=f"folder {self.folder}",
-                allowed="a folder for finished stages",
-                remedy="Delete or rename what is in its place, or give another output folder",
-            ) from None
+        _make(self._root)
 
-    def get(self, name: str, compute: Callable[[], Stage]) -> Stage:
-        """Return arrays and JSON values of a stage: the stored ones, or those that `compute` returns."""
-        path = self.folder / f"{name}.npz"
+    def folder(self, key: str) -> Path:
+        """Folder of the stages with a fingerprint; made where it is missing."""
+        return _make(self._root / key[:16])
+
+    def get(self, name: str, key: str, compute: Callable[[], Stage]) -> Stage:
+        """Return arrays and JSON values of a stage: the stored ones, or those that `compute` returns.
+
+        Parameters
+        ----------
+        name : str
+        key : str
+            Fingerprint of everything the stage depends on.
+        compute : callable
+        """
+        path = self.folder(key) / f"{name}.npz"
         if path.exists():
-            found = self._stored(name, path)
+            found = _stored(name, key, path)
             if found is not None:
                 self.reused.append(name)
                 return found
             self._report(f"{path} holds no finished stage of this study; it is computed again")
         arrays, values = compute()
-        meta = {"stage": name, "study": self._key, "values": values}
+        meta = {"stage": name, "key": key, "values": values}
         save_arrays(path, format=_FORMAT, version=_VERSION, arrays=arrays, meta=meta)
         # also what was just computed is read back, so that a resumed run gives the same result bit for bit
         arrays, stored = load_arrays(path, format=_FORMAT, version=_VERSION)
         return arrays, stored["values"]
 
-    def _stored(self, name: str, path: Path) -> Stage | None:
-        """What a file holds, or None if it is damaged or belongs to another stage or study."""
-        try:
-            arrays, stored = load_arrays(path, format=_FORMAT, version=_VERSION)
-        except InputError:
-            return None
-        fits = stored.get("stage") == name and stored.get("study") == self._key
-        return (arrays, stored["values"]) if fits else None
+
+def _make(folder: Path) -> Path:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"the folder cannot be made: {error.strerror or error}",
+            where=f"folder {folder}",
+            allowed="a folder for finished stages",
+            remedy="Delete or rename what is in its place, or give another output folder",
+        ) from None
+    return folder
+
+
+def _stored(name: str, key: str, path: Path) -> Stage | None:
+    """What a file holds, or None if it is damaged or belongs to another stage or study."""
+    try:
+        arrays, stored = load_arrays(path, format=_FORMAT, version=_VERSION)
+    except InputError:
+        return None
+    fits = stored.get("stage") == name and stored.get("key") == key
+    return (arrays, stored["values"]) if fits else None

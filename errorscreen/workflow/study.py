@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +18,15 @@ from errorscreen.exceptions import InputError
 from errorscreen.generation import local_sensitivity
 from errorscreen.observations import Observation
 from errorscreen.recordings import Recording
+from errorscreen.report.parts import Role
 from errorscreen.resampling import check_steps
 from errorscreen.simulators import PlantSimulator
 from errorscreen.simulators.base import Simulator
+from errorscreen.workflow.advice import doubts
 from errorscreen.workflow.grid_recordings import observed_grid
 from errorscreen.workflow.screen import Screened
+
+Stage = Literal["screening", "calibration", "discovery"]
 
 
 @dataclass(frozen=True)
@@ -44,7 +48,10 @@ class Study:
     truth : mapping of str to float, optional
         Hidden parameters, where they are known (the demo).
     paths : tuple of str
-        Files of the recordings, the fitted one first; empty where there are none.
+        Files of the recordings in the order of `observations`; empty where there are none.
+    together : tuple of Observation
+        Recordings that the search for causes fits together with `observation`; screening and calibration do not use
+        them.
     """
 
     title: str
@@ -59,6 +66,24 @@ class Study:
     run: RunSection
     truth: Mapping[str, float] | None = None
     paths: tuple[str, ...] = ()
+    together: tuple[Observation, ...] = ()
+
+    @property
+    def searched(self) -> tuple[Observation, ...]:
+        """What the search for causes fits: the fitted recording and those together with it."""
+        return (self.observation, *self.together)
+
+    @property
+    def observations(self) -> tuple[Observation, ...]:
+        """All recordings: what is fitted, what is fitted together with it, what is held out."""
+        return (*self.searched, *self.held_out)
+
+    @property
+    def roles(self) -> tuple[Role, ...]:
+        """What each of `observations` is for."""
+        further: list[Role] = ["together" for _ in self.together]
+        further += ["held_out" for _ in self.held_out]
+        return ("fit", *further)
 
     @classmethod
     def from_case(cls, case: Case) -> Study:
@@ -70,20 +95,24 @@ class Study:
             If a recording cannot be used, or lacks what the device needs.
         """
         recording, held_out = case.load_recording(), case.load_held_out()
-        for one in (recording, *held_out):
+        together = case.load_together()
+        recordings = (recording, *together, *held_out)
+        for one in recordings:
             for key in ("step", "dt"):
                 seconds = getattr(case.simulation, key)
                 if seconds is not None:
                     where = f"recording {one.name!r}, simulation.{key}"
                     check_steps(one.time[-1] - one.time[0], seconds, where)
+        further: tuple[Recording | Observation, ...] = recordings[1:]
+        first: Recording | Observation = recording
+        simulator: Simulator
         if case.grid is not None:
             case.check_events()
-            grid, observed = observed_grid(case, case.grid, (recording, *held_out))
-            study = cls.of(case.title, grid, recording, observed[1:], case)
-            study = replace(study, observation=observed[0])
+            simulator, (first, *others) = observed_grid(case, case.grid, recordings)
+            further = tuple(others)
         else:
             assert case.device is not None  # `load_case` sees to that
-            plant = PlantSimulator(
+            simulator = PlantSimulator(
                 case.device.type,
                 recording,
                 parameters=case.parameters(),
@@ -92,8 +121,12 @@ class Study:
                 dt=case.simulation.dt,
                 grid_impedance=case.device.grid_impedance,
             )
-            study = cls.of(case.title, plant, recording, held_out, case)
-        return replace(study, paths=tuple(section.path for section in (case.recording, *case.held_out)))
+        check_effects(simulator, case.discovery, case.source)
+        n = len(together)
+        study = cls.of(case.title, simulator, recording, further[n:], case, together=further[:n])
+        if isinstance(first, Observation):  # of a grid, beside what happened in it
+            study = replace(study, observation=first)
+        return replace(study, paths=tuple(section.path for section in case.recordings.values()))
 
     @classmethod
     def of(
@@ -104,21 +137,23 @@ class Study:
         held_out: tuple[Recording | Observation, ...],
         sections: Any,
         truth: Mapping[str, float] | None = None,
+        together: tuple[Recording | Observation, ...] = (),
     ) -> Study:
         """Study of recordings that are at hand; `sections` has screening, calibration, discovery and run.
 
         Raises
         ------
         InputError
-            If a recording lacks what the simulator needs, or two hold the same readings.
+            If a recording lacks what the simulator needs, two have the same name or hold the same readings, or an
+            effect is unknown.
         """
-        observation, *others = (simulator.observe(r) for r in (recording, *held_out))
-        _check_distinct([observation, *others])
-        return cls(
+        check_effects(simulator, sections.discovery)
+        observation, *others = (simulator.observe(r) for r in (recording, *together, *held_out))
+        study = cls(
             title or recording.name,
             simulator,
             observation,
-            tuple(others),
+            tuple(others[len(together) :]),
             recording.base_mva,
             recording.f_nominal,
             sections.screening,
@@ -126,21 +161,33 @@ class Study:
             sections.discovery,
             sections.run,
             truth,
+            together=tuple(others[: len(together)]),
         )
+        _check_distinct(study)
+        return study
 
-    def fingerprint(self) -> str:
-        """Digest of everything the result depends on."""
+    def fingerprint(self, stage: Stage, *more: Any) -> str:
+        """Digest of everything that a stage depends on, so that a change of something else leaves it valid.
+
+        Parameters
+        ----------
+        stage : {"screening", "calibration", "discovery"}
+        *more : object
+            What it depends on beside the model, the fitted recording and its section: other recordings, and what it
+            takes from an earlier stage.
+        """
+        # which methods are asked for, and whether causes are, changes nothing in each of them
+        section = getattr(self, stage).model_dump(exclude={"methods", "enabled"})
         return digest(
             errorscreen.__version__,
+            stage,
             [(p.name, p.nominal, p.lower, p.upper, p.scale) for p in self.simulator.parameters],
             repr(self.simulator),
             self.simulator.settings(),
             self.observation,
-            list(self.held_out),
-            [
-                s.model_dump(exclude={"n_jobs", "out"})
-                for s in (self.screening, self.calibration, self.discovery, self.run)
-            ],
+            section,
+            self.run.random_state,
+            list(more),
         )
 
 
@@ -159,9 +206,9 @@ class Calibrated:
     theta : ndarray of shape (m,)
         All parameters afterwards.
     responses : tuple of ndarray of shape (R, L)
-        For the fitted recording and each held-out one.
+        For each of `Study.observations`.
     fits, stages : tuple of list
-        `ChannelFit` and `StageError` of each recording, the fitted one first.
+        `ChannelFit` and `StageError` of each of them.
     arrays, meta : dict
         What the calibrator said besides: intervals, flags, groups, counts, seconds.
     """
@@ -190,10 +237,14 @@ class Discovered:
     ----------
     label : str
         Effects that were added, empty for none.
-    responses : tuple of ndarray of shape (R, L)
-        Of the extended model, for the fitted recording and each held-out one.
-    fits : tuple of list
-        `ChannelFit` of each recording.
+    labels : tuple of str
+        What the extended model is in each of `Study.observations`: an effect that belongs to one recording is off in
+        the others.
+    alone, responses : tuple of ndarray of shape (R, L)
+        Of the model with parameters alone and of the extended one, fitted to the same recordings, for each of
+        `Study.observations`.
+    fits_alone, fits : tuple of list
+        `ChannelFit` of each recording for both.
     waveforms : tuple of ndarray of shape (2, L)
         Time and unknown signal at each place that was ranked.
     meta : dict
@@ -201,7 +252,10 @@ class Discovered:
     """
 
     label: str
+    labels: tuple[str, ...]
+    alone: tuple[NDArray[np.float64], ...]
     responses: tuple[NDArray[np.float64], ...]
+    fits_alone: tuple[list[ChannelFit], ...]
     fits: tuple[list[ChannelFit], ...]
     waveforms: tuple[NDArray[np.float64], ...]
     meta: dict[str, Any]
@@ -215,7 +269,7 @@ class Outcome:
     ----------
     study : Study
     before : tuple of ndarray of shape (R, L)
-        Responses at the nominal parameters, for the fitted recording and each held-out one.
+        Responses at the nominal parameters, for each of `Study.observations`.
     fits, stages : tuple of list
         `ChannelFit` and `StageError` of `before`, for each recording.
     screened : list of Screened
@@ -254,26 +308,75 @@ class Outcome:
         return simulator.parameters.deviation(theta)[0] * sensitivity
 
     @property
+    def hints(self) -> list[str]:
+        """What was doubtful about units, bases and signs, where the cause of the error is not known."""
+        return doubts(self.observations) if self.verdict.kind == "unknown" else []
+
+    @property
+    def advice(self) -> list[str]:
+        """What to check and what to measure next."""
+        return self.hints if self.discovered is None else list(self.discovered.meta["advice"])
+
+    @property
     def best(self) -> Calibrated:
         """The calibration that the report judges by: the first of the methods asked for."""
         return self.calibrated[0]
 
     @property
     def observations(self) -> tuple[Observation, ...]:
-        """The fitted recording, then the others."""
-        return (self.study.observation, *self.study.held_out)
+        """All recordings, see `Study.observations`."""
+        return self.study.observations
+
+    def named(self, values: NDArray[np.float64]) -> dict[str, Any]:
+        """Values (m,) of all parameters by name."""
+        return dict(zip(self.study.simulator.parameters.names, values.tolist(), strict=True))
 
 
-def _check_distinct(observations: list[Observation]) -> None:
-    """Refuse a recording to judge on that was fitted, or that counts twice: the gain would be flattered."""
+def check_effects(simulator: Simulator, section: DiscoverySection, source: str = "") -> None:
+    """Refuse names of effects that the simulator does not have, before hours of screening and calibration.
+
+    Parameters
+    ----------
+    simulator : Simulator
+    section : DiscoverySection
+    source : str
+        Case file, for the message.
+
+    Raises
+    ------
+    InputError
+        If an effect is unknown.
+    """
+    try:
+        simulator.effects_named(section.effects)
+    except InputError as error:
+        where = ", ".join(part for part in (source, "discovery.effects") if part)
+        raise InputError(error.what, where=where, allowed=error.allowed, remedy=error.remedy) from None
+
+
+def _check_distinct(study: Study) -> None:
+    """Refuse a recording to judge on that was fitted, or that counts twice: the gain would be flattered.
+
+    Names must differ too: what belongs to one event alone is switched by the name of the recording.
+    """
     seen: dict[str, str] = {}
-    for observation in observations:
+    names: set[str] = set()
+    for observation, role in zip(study.observations, study.roles, strict=True):
         name, key = observation.event.name, digest(observation.values)
+        where = f"recording {name!r}" + ("" if role == "fit" else f" in [[{role}]]")
         if key in seen:
             raise InputError(
-                f"it holds the same readings as {seen[key]!r}",
-                where=f"recording {name!r}",
+                f"it holds the same readings as {seen[key]}",
+                where=where,
                 allowed="another event in each recording",
                 remedy="Judge on recordings that are not fitted, or leave this one out",
             )
-        seen[key] = name
+        if name in names:
+            raise InputError(
+                "another recording has the same name",
+                where=where,
+                allowed="a name of its own for each recording",
+                remedy="Give one of them another name (key name)",
+            )
+        seen[key] = where
+        names.add(name)

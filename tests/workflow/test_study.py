@@ -1,3 +1,4 @@
+import re
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -5,7 +6,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from errorscreen.bench.plant_scenarios import draw_plant_scenario
 from errorscreen.cases import ieee39_events, load_case, load_ieee39
 from errorscreen.cases.case_models import (
     CalibrationSection,
@@ -41,39 +41,104 @@ def outcome(tmp_path_factory):
     return run_study(quick_study(), tmp_path_factory.mktemp("out"))
 
 
-def test_the_fingerprint_knows_everything_the_result_depends_on():
-    base = quick_study()
+def test_the_fingerprint_of_a_stage_knows_everything_that_it_depends_on():
+    base, again = quick_study(), quick_study()
     others = [
         quick_study(seed=1),
         quick_study(step=0.001),
         quick_study(constants={"Ra": 0.01}),
         quick_study(grid_impedance=0.01j),
-        replace(base, calibration=CalibrationSection(level=0.5)),
-        replace(base, screening=ScreeningSection(top_k=2)),
         replace(base, run=RunSection(random_state=1)),
-        replace(base, discovery=DiscoverySection(fits=3)),
-        replace(base, held_out=()),
         replace(base, simulator=base.simulator.extend("exciter")),
         replace(base, simulator=base.simulator.with_nominal(base.simulator.parameters.nominal * 1.01)),
     ]
-    prints = [s.fingerprint() for s in (base, *others)]
-    assert len(set(prints)) == len(prints)
-    assert quick_study().fingerprint() == prints[0]
-    assert replace(base, run=RunSection(n_jobs=2)).fingerprint() == prints[0]
+    for stage in ("screening", "calibration", "discovery"):
+        prints = [s.fingerprint(stage) for s in (base, *others)]
+        prints += [base.fingerprint(stage, base.held_out), base.fingerprint(stage, ("Xd",))]
+        assert len(set(prints)) == len(prints)
+        assert again.fingerprint(stage) == prints[0]
+        assert replace(base, run=RunSection(n_jobs=2)).fingerprint(stage) == prints[0]
+    assert len({base.fingerprint(stage) for stage in ("screening", "calibration", "discovery")}) == 3
+
+
+@pytest.mark.parametrize(
+    ("stage", "changed", "same"),
+    [
+        (
+            "screening",
+            ScreeningSection(methods=["sensitivity", "random"], top_k=2),
+            ScreeningSection(methods=["random"], top_k=3),
+        ),
+        (
+            "calibration",
+            CalibrationSection(library=256, starts=4, level=0.5),
+            CalibrationSection(library=256, starts=4, methods=["map"]),
+        ),
+        ("discovery", DiscoverySection(fits=3), DiscoverySection(enabled=True)),
+    ],
+)
+def test_a_stage_depends_on_its_own_section_only(stage, changed, same):
+    base = quick_study()
+    for other in ("screening", "calibration", "discovery"):
+        differs = replace(base, **{stage: changed}).fingerprint(other) != base.fingerprint(other)
+        assert differs == (other == stage)
+        assert replace(base, **{stage: same}).fingerprint(other) == base.fingerprint(other)
+
+
+def plant_case(folder, more=""):
+    """Case file of a machine with three recordings of it: dips of another depth."""
+    for name, depth in (("first", 0.5), ("second", 0.3), ("third", 0.4)):
+        event = dip(depth=depth, dt=0.02)
+        machine = PlantSimulator("synchronous_machine", event)
+        values = {**event.signals, **dict(zip("PQ", machine.baseline(), strict=True))}
+        rows = [",".join(f"{v:.8f}" for v in row) for row in zip(event.time, *values.values(), strict=True)]
+        (folder / f"{name}.csv").write_text("\n".join(["time," + ",".join(values), *rows]))
+    columns = "".join(f"[recording.columns.{name}]\ncolumn = '{name}'\n" for name in values)
+    (folder / "case.toml").write_text(
+        "[recording]\npath = 'first.csv'\nbase_mva = 1.0\nf_nominal = 60.0\n" + columns
+        + "[device]\ntype = 'synchronous_machine'\n" + more
+    )  # fmt: skip
+    return folder / "case.toml"
+
+
+def test_a_case_says_what_is_searched_together(tmp_path):
+    more = "[[held_out]]\npath = 'third.csv'\n[[together]]\npath = 'second.csv'\n"
+    study = Study.from_case(load_case(plant_case(tmp_path, more)))
+    assert [o.event.name for o in study.searched] == ["first", "second"]
+    assert [o.event.name for o in study.observations] == ["first", "second", "third"]
+    assert study.roles == ("fit", "together", "held_out")
+    assert study.paths == ("first.csv", "second.csv", "third.csv")
+    assert study.simulator.event.name == "first"
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        (
+            "[[held_out]]\npath = 'copy.csv'\n[[together]]\npath = 'second.csv'\n",
+            "recording 'copy' in [[held_out]]: it holds the same readings as recording 'second' in [[together]].",
+        ),
+        (
+            "[[together]]\npath = 'copy.csv'\nname = 'first'\n",
+            "recording 'first' in [[together]]: another recording has the same name. Allowed: a name of its own for "
+            "each recording. Give one of them another name (key name).",
+        ),
+        (
+            "[discovery]\neffects = ['exciter', 'governer']\n",
+            "case.toml, discovery.effects: unknown effect 'governer' (did you mean 'governor'",
+        ),
+    ],
+)
+def test_what_a_search_cannot_use_is_refused_at_the_start(more, message, tmp_path):
+    case = plant_case(tmp_path, more)
+    (tmp_path / "copy.csv").write_bytes((tmp_path / "second.csv").read_bytes())
+    with pytest.raises(InputError, match=re.escape(message)):
+        Study.from_case(load_case(case))
 
 
 def test_a_case_states_the_impedance_of_the_grid(tmp_path):
-    event = dip(dt=0.02)
-    machine = PlantSimulator("synchronous_machine", event)
-    values = {**event.signals, **dict(zip("PQ", machine.baseline(), strict=True))}
-    rows = [",".join(f"{v:.8f}" for v in row) for row in zip(event.time, *values.values(), strict=True)]
-    (tmp_path / "dip.csv").write_text("\n".join(["time," + ",".join(values), *rows]))
-    columns = "".join(f"[recording.columns.{name}]\ncolumn = '{name}'\n" for name in values)
-    (tmp_path / "case.toml").write_text(
-        "[recording]\npath = 'dip.csv'\nbase_mva = 1.0\nf_nominal = 60.0\n" + columns
-        + "[device]\ntype = 'synchronous_machine'\ngrid_resistance = 0.02\ngrid_reactance = 0.1\n"
-    )  # fmt: skip
-    simulator = Study.from_case(load_case(tmp_path / "case.toml")).simulator
+    case = plant_case(tmp_path, "grid_resistance = 0.02\ngrid_reactance = 0.1\n")
+    simulator = Study.from_case(load_case(case)).simulator
     assert simulator.grid_impedance == 0.02 + 0.1j
     assert {"V", "angle", "P", "Q"} == set(simulator.event.signals)
 
@@ -114,6 +179,19 @@ def test_a_case_compares_recordings_with_a_grid(grid_case, tmp_path):
     result, report = write_outputs(outcome, tmp_path)
     assert "What happened, as stated: line trip, ends [2, 3]" in result.read_text()
     assert report.stat().st_size > 10_000
+
+
+@pytest.mark.filterwarnings("ignore:.*P before the event is")
+def test_recordings_of_a_grid_are_searched_together(grid_case):
+    case = grid_case.with_name("together.toml")
+    text = grid_case.read_text()
+    case.write_text(text.replace('[[held_out]]\npath = "bus16.csv"', '[[together]]\npath = "bus16.csv"'))
+    study = Study.from_case(load_case(case))
+    assert [(o.event.name, role) for o, role in zip(study.observations, study.roles, strict=True)] == [
+        ("bus3", "fit"), ("bus16", "together"), ("line", "held_out"),
+    ]  # fmt: skip
+    assert (study.together[0].event.bus, study.held_out[0].event.ends) == (16, (2, 3))
+    assert any("bus 16" in note for note in study.together[0].assumptions)
 
 
 @pytest.mark.filterwarnings("ignore:.*P before the event is")
@@ -205,43 +283,3 @@ def test_a_verdict_does_not_need_map_among_the_calibrators(tmp_path):
 def test_the_demo_hides_other_parameters_for_each_seed():
     truths = [demo_study(seed).truth for seed in (0, 1)]
     assert all(truths[0][name] != truths[1][name] for name in truths[0])
-
-
-@pytest.fixture(scope="module")
-def hidden_effect(tmp_path_factory):
-    """A machine with a hidden stabiliser, searched as `errorscreen run` does."""
-    hidden = draw_plant_scenario(2, 40.0, kind="effect", device="synchronous_machine")
-    sections = SimpleNamespace(**vars(QUICK))
-    sections.discovery = DiscoverySection(effects=[*hidden.effects, "lag_P"], max_effects=1)
-    study = Study(
-        "hidden", hidden.simulator, hidden.recordings[0], hidden.held_out, 100.0, 60.0,
-        sections.screening, sections.calibration, sections.discovery, sections.run,
-    )  # fmt: skip
-    out = tmp_path_factory.mktemp("hidden")
-    return hidden, study, out, run_study(study, out)
-
-
-def test_a_hidden_effect_is_named_extended_and_gains(hidden_effect):
-    hidden, _, out, outcome = hidden_effect
-    result = build_result(outcome)
-    assert result.verdict.kind == "effect"
-    first = result.verdict.causes[0]
-    assert first.name == hidden.effects[0]
-    assert first.equation
-    assert first.explanation
-    assert {p.name.split(".")[0] for p in first.parameters} == {hidden.effects[0]}
-    assert result.gain.extended < 0.5 * result.gain.recalibrated
-    assert len(result.gain.events) == len(hidden.held_out)
-    assert result.discovery.hypotheses[0].evidence > 10
-    report = write_outputs(outcome, out)[1].read_text(encoding="utf-8")
-    assert "What parameters cannot explain" in report
-    assert "Gain on events that were not fitted" in report
-    assert first.equation.split(",")[0].replace("'", "&#39;") in report
-
-
-def test_the_search_is_taken_over_from_an_earlier_run(hidden_effect):
-    _, study, out, outcome = hidden_effect
-    again = run_study(study, out)
-    assert "discovery" in again.reused
-    assert again.verdict == outcome.verdict
-    assert np.array_equal(again.discovered.responses[1], outcome.discovered.responses[1])

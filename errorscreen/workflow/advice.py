@@ -1,0 +1,107 @@
+"""What to check and what to measure next, in sentences."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+
+from errorscreen.discovery import Cause, CauseFinder, Gain, Group
+from errorscreen.events import Playback
+from errorscreen.observations import Observation
+
+#: assumptions about a recording that doubt its unit, base or sign
+_DOUBT = re.compile(r"before the event is .*: check ")
+#: where a case file lists what the search fits together
+_TOGETHER = "list it under [[together]] in the case file"
+
+
+def doubts(observations: Sequence[Observation]) -> list[str]:
+    """What was doubtful about units, bases and signs of the recordings of a plant.
+
+    A grid has lines, of which no power is implausible.
+
+    Parameters
+    ----------
+    observations : sequence of Observation
+    """
+    found = []
+    for observation in observations:
+        if not isinstance(observation.event, Playback):
+            continue
+        for sentence in observation.assumptions:
+            if _DOUBT.search(sentence):
+                found.append(f"{observation.event.name}: {sentence}")
+    return found
+
+
+def advice(
+    finder: CauseFinder, gain: Gain | None, hints: Sequence[str] = (), *, judged: bool = True
+) -> list[str]:
+    """What to check and what to measure next, in sentences.
+
+    Parameters
+    ----------
+    finder : CauseFinder
+        Fitted, and confirmed where there are held-out recordings.
+    gain : Gain or None
+        None where nothing was held out, or nothing was named.
+    hints : sequence of str
+        See `doubts`. Calibrated parameters that leave only noise are not what a wrong base looks like.
+    judged : bool
+        Whether recordings were held out.
+    """
+    kind, first = finder.verdict_.kind, finder.causes_[0]
+    out = list(hints) if kind in ("unknown", "effect", "measurement") else []
+    out += [_apart(group) for group in finder.groups_]
+    if kind == "unknown":
+        out += _to_locate(finder, judged)
+    elif first.event and kind == "effect":
+        out.append(_about_the_event(first))
+    elif kind in ("effect", "measurement") and gain is None:
+        out.append("Record another event of the same unit: only that can confirm what was named.")
+    return out
+
+
+def _apart(group: Group) -> str:
+    """How to tell explanations apart."""
+    if group.separating:
+        event, channel, distance = group.separating[0]
+        return (
+            f"{' and '.join(group.names[:2])} differ most in {channel} of an event like {event!r}, by "
+            f"{distance:.0f} standard deviations in all: fit that recording together with this one ({_TOGETHER})."
+        )
+    return (
+        f"{', '.join(group.names)} cannot be told apart from this recording: record an event of another depth or "
+        f"duration and fit it together with this one ({_TOGETHER})."
+    )
+
+
+def _about_the_event(cause: Cause) -> str:
+    return (
+        f"{cause.title}: this is about one recording alone. Look up what happened then, and what was noted of it; "
+        "other events can neither confirm nor refute it."
+    )
+
+
+def _to_locate(finder: CauseFinder, judged: bool) -> Iterator[str]:
+    """Where something enters, and what would show what it is."""
+    ports = getattr(getattr(finder.simulator, "device", None), "ports", {})
+    for place in finder.places_[:1]:
+        what = ports.get(place.place, place.place)
+        yield f"Something unknown enters at {place.place}: record the {what}, and whatever acts on it."
+    withdrawn = [cause for cause in finder.causes_ if cause.withdrawn]
+    if withdrawn:
+        yield (
+            f"{withdrawn[0].title} was withdrawn, because recordings that were held out refute it: fit one of them "
+            f"together with this one ({_TOGETHER}), so that what is named has to explain both."
+        )
+    elif finder.causes_[0].kind != "unknown" and judged:
+        yield (
+            "What is wrong does not show in what was fitted: fit a recording that was held out together with this one "
+            f"({_TOGETHER})."
+        )
+    elif not finder.places_:
+        yield (
+            "No place is known at which something enters: record more quantities inside the unit, and another event "
+            f"of it to fit together with this one ({_TOGETHER})."
+        )

@@ -1,0 +1,98 @@
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from errorscreen.cases.demo import demo_recordings
+from errorscreen.discovery import Cause, Group, Place
+from errorscreen.recordings import Recording
+from errorscreen.simulators import PlantSimulator
+from errorscreen.workflow.advice import advice, doubts
+
+UNKNOWN = Cause("unknown", "Unknown", "unknown", 0.1, "", {}, 0.0, False)
+EXCITER = Cause("exciter", "Excitation control", "effect", 0.9, "Efd", {}, 0.99, True)
+PLACE = Place("synchronous_machine", "Efd", 0.9, 1.1, np.zeros(2), np.zeros(2), ())
+HINTS = ["trip: P before the event is 72 pu: check its unit and base_mva."]
+
+
+def finder(kind, *causes, groups=(), places=()):
+    verdict, ports = SimpleNamespace(kind=kind), {"Efd": "field voltage"}
+    simulator = SimpleNamespace(device=SimpleNamespace(ports=ports))
+    return SimpleNamespace(
+        verdict_=verdict,
+        causes_=list(causes),
+        groups_=list(groups),
+        places_=list(places),
+        simulator=simulator,
+    )
+
+
+def told(*arguments, **options):
+    return " ".join(advice(*arguments, **options))
+
+
+def test_doubts_come_first_unless_parameters_suffice():
+    assert advice(finder("unknown", UNKNOWN, places=[PLACE]), None, HINTS)[0] == HINTS[0]
+    assert advice(finder("effect", EXCITER, UNKNOWN), None, HINTS)[0] == HINTS[0]
+    parameters = Cause("parameters", "Parameters", "parameters", 0.9, "", {}, 0.0, True)
+    assert advice(finder("parameters", parameters, UNKNOWN), None, HINTS) == []
+
+
+def test_what_is_unknown_always_has_an_advice():
+    assert "enters at Efd: record the field voltage" in told(finder("unknown", UNKNOWN, places=[PLACE]), None)
+    assert "No place is known" in told(finder("unknown", UNKNOWN), None)
+    gone = replace(EXCITER, withdrawn=True, probability=0.0)
+    text = told(finder("unknown", UNKNOWN, gone, places=[PLACE]), None)
+    assert "enters at Efd" in text
+    assert "Excitation control was withdrawn" in text
+    # parameters that suffice for what was fitted, but not for what was held out
+    parameters = Cause("parameters", "Parameters", "parameters", 0.9, "", {}, 0.0, True)
+    assert "does not show in what was fitted" in told(finder("unknown", parameters), None)
+    assert "No place is known" in told(finder("unknown", parameters), None, judged=False)
+
+
+def test_what_was_named_is_confirmed_by_another_event_unless_it_is_about_one():
+    assert "Record another event" in told(finder("effect", EXCITER, UNKNOWN), None)
+    assert told(finder("effect", EXCITER, UNKNOWN), object()) == ""
+    late = replace(EXCITER, title="Fault of another duration", event=True)
+    text = told(finder("effect", late, UNKNOWN), None)
+    assert "Fault of another duration: this is about one recording alone" in text
+    assert "Record another event" not in text
+
+
+def test_what_cannot_be_told_apart_says_which_key_of_the_case_file_would():
+    apart = Group(("exciter", "lag_P"), (("far fault", "Q", 40.0),))
+    text = told(finder("effect", EXCITER, UNKNOWN, groups=[apart]), object())
+    assert "differ most in Q of an event like 'far fault', by 40 standard deviations" in text
+    assert "fit that recording together with this one (list it under [[together]] in the case file)" in text
+    assert "[[together]]" in told(
+        finder("effect", EXCITER, UNKNOWN, groups=[replace(apart, separating=())]), None
+    )
+
+
+@pytest.mark.filterwarnings("ignore:.*before the event is")
+@pytest.mark.parametrize(
+    ("factors", "found"),
+    [
+        ({}, []),
+        ({"P": 100.0}, ["P before the event is 72"]),
+        ({"P": 0.01}, ["P before the event is only 0.0072"]),
+        ({"P": -1.0}, ["but generation is positive: check its sign"]),
+        ({"Q": 10.0}, ["check that they are not interchanged"]),
+        ({"V": 0.1}, ["V before the event is 0.1"]),
+    ],
+)
+def test_wrong_units_bases_and_signs_are_doubted(factors, found):
+    """In the words of those who warn of them, which this depends on."""
+    recording = demo_recordings(0)[0]
+    machine = PlantSimulator("synchronous_machine", recording)
+    values = {name: recording.channels[name].values * factors.get(name, 1.0) for name in recording.names}
+    changed = Recording.from_arrays(
+        recording.time, values, base_mva=100.0, f_nominal=60.0, name="trip", event_time=recording.event_time
+    )
+    hints = doubts([machine.observe(changed)])
+    assert len(hints) >= len(found)
+    assert all(hint.startswith("trip: ") for hint in hints)
+    assert all(any(words in hint for hint in hints) for words in found)
+    assert bool(hints) == bool(found)
