@@ -33,7 +33,8 @@ class Cause(Part):
         default=True, description="false: of this kind, but in another form than the library's"
     )
     withdrawn: bool = Field(
-        default=False, description="true: named by the search, but refuted by recordings that were not fitted"
+        default=False,
+        description="true: named by the search, but not confirmed by recordings that were not fitted",
     )
     event: bool = Field(
         default=False,

@@ -92,8 +92,8 @@ def _to_locate(finder: CauseFinder, judged: bool) -> Iterator[str]:
     withdrawn = [cause for cause in finder.causes_ if cause.withdrawn]
     if withdrawn:
         yield (
-            f"{withdrawn[0].title} was withdrawn, because recordings that were held out refute it: fit one of them "
-            f"together with this one ({_TOGETHER}), so that what is named has to explain both."
+            f"{withdrawn[0].title} was withdrawn, because recordings that were held out do not confirm it: fit one of "
+            f"them together with this one ({_TOGETHER}), so that what is named has to explain both."
         )
     elif finder.causes_[0].kind != "unknown" and judged:
         yield (

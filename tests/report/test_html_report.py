@@ -121,9 +121,9 @@ def test_a_withdrawn_cause_is_told_as_withdrawn():
     for words in (
         HEADLINES["unknown"],
         "Unknown – 1 – Withdrawn: Excitation control Efd 0 99.9 %",
-        "Withdrawn: Excitation control The search named it, and recordings that were not fitted refute it, so the "
-        "model is not extended by it. On them it adds 20 % of the squared error of the recalibrated model (interval of "
-        "what it removes: -50 … 10 %), and a wrong effect does no worse.",
+        "Withdrawn: Excitation control The search named it, and recordings that were not fitted do not confirm it, so "
+        "the model is not extended by it. On them it adds 20 % of the squared error of the recalibrated model "
+        "(interval of what it removes: -50 … 10 %), and a wrong effect does no worse.",
         "exciter.K gain pu 50 40 … 60",
         "Where something unknown enters",
         "synchronous_machine Efd 0.9 1.2 95 % V (-0.8)",

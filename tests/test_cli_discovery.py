@@ -1,0 +1,62 @@
+"""The search for causes from the command line: what is used again, folders, and what to check first."""
+
+import pytest
+
+from errorscreen.cli import main
+from errorscreen.report import read_result
+from tests.test_cli import CASE, folder
+
+
+def test_a_search_that_was_left_out_is_made_up_for(tmp_path):
+    case, out = (
+        folder(tmp_path, CASE.replace('"random"', '"sensitivity"').replace('"sensitivity", ', "")),
+        tmp_path / "o",
+    )
+    assert main(["run", case, "--out", str(out), "--quiet", "--no-discovery"]) == 0
+    first = read_result(out / "result.json")
+    assert first.discovery is None
+    assert main(["run", case, "--out", str(out), "--quiet"]) == 0
+    second = read_result(out / "result.json")
+    assert second.discovery is not None
+    assert len(second.run.reused) == 5
+    assert (second.screening, second.calibration) == (first.screening, first.calibration)
+    # diagnose asks for less, and that is there
+    assert main(["diagnose", case, "--out", str(out), "--quiet"]) == 0
+    assert set(read_result(out / "result.json").run.reused) == {
+        "screening-sensitivity", "calibration-map", "discovery",
+    }  # fmt: skip
+
+
+def test_the_folder_of_a_case_keeps_the_reports_of_both_commands(tmp_path):
+    case = folder(tmp_path, CASE.replace('"cnn", ', "") + '[run]\nout = "kept"\n')
+    assert main(["run", case, "--quiet", "--no-discovery"]) == 0
+    report = (tmp_path / "kept" / "report.html").read_bytes()
+    assert main(["diagnose", case, "--quiet"]) == 0
+    assert (tmp_path / "kept" / "report.html").read_bytes() == report
+    assert read_result(tmp_path / "kept" / "diagnose" / "result.json").discovery is not None
+
+
+@pytest.mark.filterwarnings("ignore:.*P before the event is")
+@pytest.mark.parametrize("arguments", [[], ["--no-discovery"]])
+def test_a_doubtful_sign_is_what_to_check_first(arguments, tmp_path, capsys):
+    text = CASE.replace('"cnn", ', "").replace('unit = "MW"', 'unit = "MW"\nsign = "load"')
+    out = tmp_path / "out"
+    assert main(["run", folder(tmp_path, text), "--out", str(out), "--quiet", *arguments]) == 0
+    hint = "r: P before the event is -0.721 pu, but generation is positive: check its sign."
+    first = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("Next: "))
+    assert first == f"Next: {hint}"
+    result = read_result(out / "result.json")
+    assert result.verdict.kind == "unknown"
+    assert result.verdict.hints == [hint]
+    assert f"<li>{hint}</li>" in (out / "report.html").read_text()
+    if result.discovery is not None:
+        assert result.discovery.advice[0] == hint
+
+
+def test_the_least_first_look_works(tmp_path):
+    text = CASE.replace('"cnn", ', "").replace(
+        "[discovery]", '[discovery]\nfirst_look = 20\neffects = ["exciter"]'
+    )
+    assert main(["run", folder(tmp_path, text), "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    looked = read_result(tmp_path / "out" / "result.json").discovery.first_look
+    assert "exciter" in [one.name for one in looked]
