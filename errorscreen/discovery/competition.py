@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Sequence
 from functools import partial
+from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
@@ -183,7 +184,9 @@ class Competition:
             points.append((zero, linearised(problem, zero)[1]))
             self.n_simulations += problem.n_simulations
         seeds = [
-            np.random.SeedSequence(self.seed, spawn_key=(n, len(base.effects))) for n in range(len(effects))
+            # by its name: what else a library holds does not matter
+            np.random.SeedSequence(self.seed, spawn_key=(crc32(e.name.encode()), len(base.effects)))
+            for e in effects
         ]
         searches = [
             SignatureSearch(simulator, observations, effect, points, self.n_draws, seed)

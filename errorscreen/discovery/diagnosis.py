@@ -78,8 +78,9 @@ class Verdict:
     Parameters
     ----------
     kind : str
-        ``"within-noise"``: nothing to explain; ``"parameters"``: calibration explains the errors; ``"unknown"``:
-        it does not, or that cannot be told.
+        ``"within-noise"``: nothing to explain; ``"parameters"``: calibration explains the errors; ``"effect"`` and
+        ``"measurement"``: something that is named does, see `CauseFinder`; ``"unknown"``: nothing does, or that
+        cannot be told.
     text : str
         The reasons in plain words.
     """

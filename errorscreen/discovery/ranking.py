@@ -188,7 +188,7 @@ def _cause(found: Competition, hypothesis: Hypothesis, probability: float, exact
         {e.local(n): v for e in effects for n, v in hypothesis.parameters_of(e, width).items()},
         _explained(found, hypothesis),
         exact,
-        bool(effects) and all(effect.occasional for effect in effects),
+        bool(effects) and all(effect.occasional and effect.recording for effect in effects),
     )
 
 

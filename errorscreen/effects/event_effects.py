@@ -51,7 +51,7 @@ FAULT_DURATION = Effect(
     formula="clearing time = recorded + d",
     description="Protection cleared the fault later or earlier than the event list says: all channels are wrong from "
     "the recorded clearing on.",
-    source="equation (E1)",
+    source="definition, (E1)",
     confused_with=("another fault impedance", "a branch opened with the fault"),
 )  # fmt: skip
 FAULT_IMPEDANCE = Effect(
@@ -60,7 +60,7 @@ FAULT_IMPEDANCE = Effect(
     occasional=True,
     formula="Zf = Zf* + j x",
     description="The fault was not bolted: the dip is less deep than in the simulation.",
-    source="equation (E2)",
+    source="definition, (E2)",
     confused_with=("a fault of another duration", "a fault further away"),
 )  # fmt: skip
 
@@ -81,6 +81,6 @@ def branch_trip(ends: tuple[int, int]) -> Effect:
         formula="Y = (1 − s) Y* from clearing on",
         description="Protection cleared the fault by opening a branch, which the simulation leaves in service: another "
         "steady state and another swing.",
-        source="equation (E3)",
+        source="definition, (E3)",
         confused_with=("another load", "a fault of another duration"),
     )  # fmt: skip

@@ -80,6 +80,6 @@ def latent_input(port: str, size: float, unit: str = "pu") -> Effect:
         initialise=_start,
         kind="latent",
         description="A signal of free shape, to find where in the model something enters that no effect explains.",
-        source="equation (I1)",
+        source="definition, (I1)",
         confused_with=("any effect at the same port",),
     )
