@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -325,13 +326,14 @@ def held_out_limit(calibrator: Any, observation: Observation) -> tuple[float, fl
 
 def _agreed(figures: str, simulator: Simulator, held_out: Sequence[Observation]) -> Verdict:
     """Verdict where the model as it is agrees with what was fitted."""
-    failed = []
-    for observation in held_out:
+
+    def limit(observation: Observation) -> tuple[float, float]:
         y = simulator.simulate(simulator.parameters.nominal, observation.event).values[0]
-        value = float(np.mean(observation.deviations(y)[observation.mask] ** 2))
-        allowed = noise_limit([observation], [y])
-        if not value <= allowed:  # also where the simulation failed
-            failed.append(_beyond(observation, value, allowed))
+        return float(np.mean(observation.deviations(y)[observation.mask] ** 2)), noise_limit(
+            [observation], [y]
+        )
+
+    failed = _beyond(held_out, limit)
     if failed:
         return Verdict(
             "unknown",
@@ -344,17 +346,21 @@ def _agreed(figures: str, simulator: Simulator, held_out: Sequence[Observation])
     )
 
 
-def _beyond(observation: Observation, value: float, allowed: float) -> str:
-    return f"{observation.event.name} (χ²/N {value:.3g}, explained up to {allowed:.3g})"
+def _beyond(
+    held_out: Sequence[Observation], limit: Callable[[Observation], tuple[float, float]]
+) -> list[str]:
+    """Recordings whose χ²/N is above its limit, in words."""
+    found = []
+    for observation in held_out:
+        value, allowed = limit(observation)
+        if not value <= allowed:  # also where the simulation failed
+            found.append(f"{observation.event.name} (χ²/N {value:.3g}, explained up to {allowed:.3g})")
+    return found
 
 
 def _explained(figures: str, calibrator: Any, held_out: Sequence[Observation]) -> Verdict:
     """Verdict where the fitted recordings are reproduced within noise."""
-    failed = []
-    for observation in held_out:
-        value, allowed = held_out_limit(calibrator, observation)
-        if not value <= allowed:  # also where the simulation failed
-            failed.append(_beyond(observation, value, allowed))
+    failed = _beyond(held_out, partial(held_out_limit, calibrator))
     if failed:
         return Verdict(
             "unknown",
