@@ -55,7 +55,8 @@ class CauseFinder(BaseEstimator):
     simulator : Simulator
     effects : iterable of str, optional
         Names of the effects to try; all of the simulator's where not given. What belongs to one recording
-        (`Effect.occasional`) is tried in each of them by itself, and is off in others.
+        (`Effect.occasional`) is tried in each of them by itself, and is off in others; the names of their events tell
+        recordings apart.
     max_effects : int, default 2
         Largest number of effects that are named together.
     n_fits : int, default 6

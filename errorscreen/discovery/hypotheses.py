@@ -212,7 +212,8 @@ def candidates(
 ) -> list[Effect]:
     """Effects to try: what belongs to one recording, an error of the event's record, is one for each of them.
 
-    An error of the record may also be the same in all of several recordings: a relay that is always late.
+    An error of the record may also be the same in all of several recordings: a relay that is always late. Recordings
+    are told apart by the names of their events: what has the same name counts as the same.
 
     Parameters
     ----------
