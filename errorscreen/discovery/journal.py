@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
@@ -59,27 +60,21 @@ class Journal:
         fit : callable
             May raise `SimulationError`.
         """
-        found: list[Hypothesis] = []  # of this call, which need not be linearised again
+        before = problem.n_simulations
+        found: Hypothesis | None = None  # of this call, which need not be linearised again
 
         def compute() -> Part:
-            before, points = problem.n_simulations, []
-            try:
-                hypothesis = fit()
-            except SimulationError:
-                hypothesis = None
-            if hypothesis is not None:
-                found.append(hypothesis)
-                points.append(packed(hypothesis))
-            return {"fits": np.array(len(points)), "count": np.array(problem.n_simulations - before)} | {
-                key: value for point in points for key, value in point.items()
-            }
+            nonlocal found
+            with contextlib.suppress(SimulationError):
+                found = fit()
+            point = {} if found is None else packed(found)
+            return {"count": np.array(problem.n_simulations - before), **point}
 
-        before = problem.n_simulations
         part = self.part(compute)
-        if not found and part["fits"]:
-            found.append(unpacked(effects, problem, part))
+        if found is None and "u" in part:
+            found = unpacked(effects, problem, part)
         problem.n_simulations = before + int(part["count"])
-        return found[0] if found else None
+        return found
 
     def all_fitted(
         self, problems: Mapping[str, FitProblem], fit: Callable[[], Sequence[Hypothesis]]

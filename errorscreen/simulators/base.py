@@ -207,7 +207,7 @@ class Simulator(ABC):
             theta[:, columns] = [0.0, *(p.nominal for p in effect.parameters[1:])]
         return theta
 
-    def _acting(self, event: Event) -> tuple[Effect, ...]:
+    def _present(self, event: Event) -> tuple[Effect, ...]:
         """Effects that act in an event, by the names that the model knows them by."""
         return tuple(replace(e, name=e.original) for e in self.extensions if e.acts_in(event))
 

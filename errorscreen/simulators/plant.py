@@ -213,7 +213,7 @@ class PlantSimulator(Simulator):
         theta = self.parameters.validate(theta)
         x0, constants, start, values, h, every = self._prepared(theta, event, step or self.step)
         # a measurement sees every step, and not only the instants that are compared
-        acting = self._acting(event)
+        acting = self._present(event)
         distorted = any(effect.kind == "measurement" for effect in acting)
         record = 1 if distorted else every
         steps = every * (len(event.time) - 1)
@@ -327,7 +327,7 @@ class PlantSimulator(Simulator):
         values |= switched_off(self.effects, len(theta))
         values |= self._named(theta, event)
         values |= {name: float(event.initial[name]) * one for name in ("V", "P", "Q")}
-        for effect in self._acting(event):
+        for effect in self._present(event):
             if effect.recorded is not None:
                 own = [values[effect.local(p.name)] for p in effect.parameters]
                 values[effect.channel] = effect.recorded(values[effect.channel], *own)

@@ -218,7 +218,7 @@ class PowerSystemSimulator(Simulator):
         tables, segment = self._course(event, happened, h, every)
         names, steps = self._engine.model.constants, every * (len(event.time) - 1)
         # a measurement sees every step, and not only the instants that are compared
-        present = self._acting(event)
+        present = self._present(event)
         distorted = any(effect.kind == "measurement" for effect in present)
         record = 1 if distorted else every
         out = np.full((len(theta), len(self.channels), steps // record + 1), np.nan)
