@@ -87,8 +87,8 @@ def named_text(cause: Cause, chosen: Hypothesis, base: Hypothesis, alike: Sequen
         text += " It belongs to what happened during this recording, and not to the model."
     if not cause.exact:
         text += (
-            f" It explains {100 * cause.explained:.1f} % of what parameters leave, but not all: its form is not "
-            "exactly the library's, and values are those that come nearest."
+            f" It leaves {100 * (1.0 - cause.explained):.2g} % of what parameters leave, which is more than noise: its "
+            "form is not exactly the library's, and values are those that come nearest."
         )
     text += f" χ²/N is {base.chi2_per_sample:.3g} with parameters alone, "
     text += f"{chosen.chi2_per_sample:.3g} with what was chosen."

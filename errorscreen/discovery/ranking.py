@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -98,8 +98,10 @@ def rank_causes(found: Competition) -> list[Cause]:
     found : Competition
     """
     causes = _exact(found)
-    if not causes or _form_alone(found, causes):
+    if not causes:
         causes = _of_a_kind(found)
+    elif _form_alone(found, causes):
+        causes = _with_two(found, _of_a_kind(found), causes)
     causes.sort(key=lambda c: -c.probability)
     unknown = 1.0 - sum(c.probability for c in causes)
     # two names for the same thing share a probability, but what they stand for has all of it
@@ -147,6 +149,20 @@ def _form_alone(found: Competition, causes: list[Cause]) -> bool:
             if explained > 1.0 - _TRACE or (explained > 1.0 - _FORM and left > _LEFT_BY_TWO * alone):
                 return True
     return False
+
+
+def _with_two(found: Competition, alone: list[Cause], exact: list[Cause]) -> list[Cause]:
+    """Effects in another form than the library's, and the two that leave only noise, if the second mends the rest.
+
+    A trace is left that is more than noise: another form of the one effect, or little of a second one. Nothing in the
+    recordings tells which, so both have the same probability.
+    """
+    two = max(exact, key=lambda c: c.probability)
+    one = max((c for c in alone if c.name in two.name.split(" + ")), key=lambda c: c.probability)
+    if found.remainders[two.name].excess > _LEFT_BY_TWO * found.remainders[one.name].excess:
+        return alone
+    half = 0.5 * one.probability
+    return [replace(c, probability=half) if c is one else c for c in alone] + [replace(two, probability=half)]
 
 
 def _of_a_kind(found: Competition) -> list[Cause]:

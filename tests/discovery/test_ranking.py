@@ -136,6 +136,23 @@ def test_a_trace_of_a_second_effect_is_the_form_of_the_first(left, name):
     )
     assert causes[0].name == name
     assert causes[0].exact == (name != "exciter")
+    assert sum(c.probability for c in causes) == pytest.approx(1)
+    if name == "exciter":  # or a little of a second effect, which nothing there tells
+        assert (causes[1].name, causes[1].exact) == ("exciter + governor", True)
+        assert causes[1].probability == causes[0].probability > 0.4
+
+
+def test_of_two_effects_the_one_that_leaves_a_trace_shares_its_probability():
+    first, second, *others = rank_causes(
+        competition(
+            ((), 1000.0, 0.001, -500.0),
+            ((SCALE_P,), 0.9, 0.001, -41.0),
+            ((EXCITER,), 0.5, 0.001, -40.0),
+            ((EXCITER, GOVERNOR), 0.0, 0.4, -20.0),
+        )
+    )
+    assert (first.name, second.name) == ("exciter", "exciter + governor")
+    assert {c.name for c in others} == {"scale_P", "unknown"}
 
 
 @pytest.mark.parametrize(("pair", "name"), [(14.0, "exciter"), (4.0, "exciter + governor")])
