@@ -29,6 +29,8 @@ _RATES = {
 }
 #: limits of the sizes over which the power curve is drawn, in multiples of the noise
 _SIZES = (0.0, 1.0, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0, np.inf)
+#: sizes that may be told at its axis
+_TICKS = (0.3, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0)
 #: outcomes of scenarios that hide something, see `discovery_study`
 _OUTCOMES = ("correct", "wrong", "unknown", "missed")
 _DPI = 150
@@ -136,6 +138,9 @@ def power_figure(*results: dict[str, Any]) -> Figure:
                 )
         if at:
             axes.set_xscale("log")
+            ticks = [t for t in _TICKS if 0.8 * axes.get_xlim()[0] < t < 1.25 * axes.get_xlim()[1]]
+            axes.set_xticks(ticks, [f"{t:g}" for t in ticks])
+            axes.set_xticks([], minor=True)
     only = f"{results[0]['noise_db']:g} dB (numbers: scenarios)" if len(results) == 1 else "by noise"
     axes.set(
         xlabel="part of the effect that survives a refit, in multiples of the noise",
