@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from errorscreen.calibration.intervals import noise_inflation
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery.hypotheses import Hypothesis, fit_hypothesis
+from errorscreen.discovery.remainder import by_recording
 from errorscreen.effects.latent_input import KNOTS
 from errorscreen.events import InputSignal, Playback
 from errorscreen.exceptions import SimulationError
@@ -66,8 +69,8 @@ class Place:
 def rank_places(base: Hypothesis) -> tuple[list[Place], int]:
     """Fit an unknown signal at each port together with all parameters, one of its own in each recording.
 
-    What the best of them leaves beyond noise counts as noise of that size: where even a signal of free shape does not
-    fit, evidence says less about the place.
+    What the best of them leaves beyond noise counts as noise of that size and smoothness (`noise_inflation`): where
+    even a signal of free shape does not fit, evidence says less about the place.
 
     Parameters
     ----------
@@ -103,13 +106,30 @@ def rank_places(base: Hypothesis) -> tuple[list[Place], int]:
     shares = [_explained(hypothesis, base) for hypothesis in found]
     if not found or max(shares) < _EXPLAINS:
         return [], count
-    logs = np.array([hypothesis.evidence for hypothesis in found])
-    logs /= max(1.0, min(hypothesis.chi2_per_sample for hypothesis in found))
-    weights = np.exp(logs - logs.max())
-    weights /= weights.sum()
+    weights = probabilities_of(found)
     moving = _moving(base)
     places = [_place(h, float(w), share, moving) for h, w, share in zip(found, weights, shares, strict=True)]
     return sorted(places, key=lambda p: (-p.probability, p.chi2_per_sample)), count
+
+
+def probabilities_of(found: Sequence[Hypothesis]) -> _Array:
+    """Probabilities by evidence, divided by how much more the best leaves, and how smoothly, than noise.
+
+    Parameters
+    ----------
+    found : sequence of Hypothesis
+        One for each place.
+
+    Returns
+    -------
+    ndarray of shape (n,)
+    """
+    logs = np.array([hypothesis.evidence for hypothesis in found])
+    best = found[int(np.argmax(logs))]
+    left = by_recording(best.observations, best.residuals)
+    logs = logs / noise_inflation([np.where(o.mask, z, np.nan) for o, z in left], 0)
+    weights = np.exp(logs - logs.max())
+    return np.asarray(weights / weights.sum())
 
 
 def _explained(hypothesis: Hypothesis, base: Hypothesis) -> float:
@@ -123,7 +143,7 @@ def waveform(knots: _Array, time: _Array, start: float) -> _Array:
 
     Examples
     --------
-    >>> waveform(np.ones(16), np.array([0.0, 1.0, 2.0]), 1.0)
+    >>> waveform(np.ones(32), np.array([0.0, 1.0, 2.0]), 1.0)
     array([0., 0., 1.])
     """
     s = np.sqrt(np.clip(time - start, 0.0, None) / (time[-1] - start)) * KNOTS

@@ -122,7 +122,7 @@ def noise_model(observations: Sequence[Observation], residuals: ArrayLike) -> tu
         Relative standard error of the noise level, for each recording.
     """
     rows, counts = [], []
-    for observation, z in _split(observations, residuals):
+    for observation, z in by_recording(observations, residuals):
         quiet = observation.time < observation.event.start - 1e-9
         counts.append(int(quiet.sum()))
         # as for its level, noise is what scatters about a slow trend: an offset before the event is an error
@@ -195,8 +195,21 @@ def bands(observation: Observation) -> tuple[float, ...]:
     return (0.0, *np.geomspace(min(lowest, 0.5 * highest), highest, 3).tolist(), np.inf)
 
 
-def _split(observations: Sequence[Observation], residuals: ArrayLike) -> list[tuple[Observation, _Array]]:
-    """Residuals (..., N) as channels (..., R, L) of each recording; 0 where nothing was measured."""
+def by_recording(
+    observations: Sequence[Observation], residuals: ArrayLike
+) -> list[tuple[Observation, _Array]]:
+    """Residuals as channels of each recording.
+
+    Parameters
+    ----------
+    observations : sequence of Observation
+    residuals : array-like of shape (..., N)
+
+    Returns
+    -------
+    list of (Observation, ndarray of shape (..., R, L))
+        0 where nothing was measured.
+    """
     z = np.asarray(residuals, dtype=float)
     out, first = [], 0
     for observation in observations:
@@ -213,7 +226,7 @@ def _energies(observations: Sequence[Observation], residuals: _Array) -> tuple[l
     """Labels of the cells, and energies (n, cells) of residuals (n, N)."""
     labels: list[tuple[Any, ...]] = []
     energies: list[_Array] = []
-    for observation, z in _split(observations, residuals):
+    for observation, z in by_recording(observations, residuals):
         time, dt = observation.time, observation.event.dt
         limits, names = stage_limits(observation), stage_names(observation)
         # padded: 501 samples, three times a prime, take four times as long as 512

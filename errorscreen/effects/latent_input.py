@@ -20,13 +20,15 @@ from errorscreen.engine.vmath import clip
 from errorscreen.parameters import Parameter
 
 #: number N of knots
-KNOTS = 16
+KNOTS = 32
 
 
 def latent(
     value: Any, t: Any, te: Any, rate: Any, on: Any,
     a0: Any, a1: Any, a2: Any, a3: Any, a4: Any, a5: Any, a6: Any, a7: Any,
     a8: Any, a9: Any, a10: Any, a11: Any, a12: Any, a13: Any, a14: Any, a15: Any,
+    a16: Any, a17: Any, a18: Any, a19: Any, a20: Any, a21: Any, a22: Any, a23: Any,
+    a24: Any, a25: Any, a26: Any, a27: Any, a28: Any, a29: Any, a30: Any, a31: Any,
 ) -> Any:  # fmt: skip
     """Quantity with the added signal, and the clock, (I1)."""
     s = np.sqrt(clip((t - te) * rate, 0.0, 1e9))
@@ -39,6 +41,14 @@ def latent(
         + a10 * clip(1.0 - np.abs(s - 11.0), 0.0, 1.0) + a11 * clip(1.0 - np.abs(s - 12.0), 0.0, 1.0)
         + a12 * clip(1.0 - np.abs(s - 13.0), 0.0, 1.0) + a13 * clip(1.0 - np.abs(s - 14.0), 0.0, 1.0)
         + a14 * clip(1.0 - np.abs(s - 15.0), 0.0, 1.0) + a15 * clip(1.0 - np.abs(s - 16.0), 0.0, 1.0)
+        + a16 * clip(1.0 - np.abs(s - 17.0), 0.0, 1.0) + a17 * clip(1.0 - np.abs(s - 18.0), 0.0, 1.0)
+        + a18 * clip(1.0 - np.abs(s - 19.0), 0.0, 1.0) + a19 * clip(1.0 - np.abs(s - 20.0), 0.0, 1.0)
+        + a20 * clip(1.0 - np.abs(s - 21.0), 0.0, 1.0) + a21 * clip(1.0 - np.abs(s - 22.0), 0.0, 1.0)
+        + a22 * clip(1.0 - np.abs(s - 23.0), 0.0, 1.0) + a23 * clip(1.0 - np.abs(s - 24.0), 0.0, 1.0)
+        + a24 * clip(1.0 - np.abs(s - 25.0), 0.0, 1.0) + a25 * clip(1.0 - np.abs(s - 26.0), 0.0, 1.0)
+        + a26 * clip(1.0 - np.abs(s - 27.0), 0.0, 1.0) + a27 * clip(1.0 - np.abs(s - 28.0), 0.0, 1.0)
+        + a28 * clip(1.0 - np.abs(s - 29.0), 0.0, 1.0) + a29 * clip(1.0 - np.abs(s - 30.0), 0.0, 1.0)
+        + a30 * clip(1.0 - np.abs(s - 31.0), 0.0, 1.0) + a31 * clip(1.0 - np.abs(s - 32.0), 0.0, 1.0)
     )  # fmt: skip
     return value + on * u, 1.0 + 0.0 * t
 

@@ -1,12 +1,14 @@
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 
 from errorscreen.bench.plant_scenarios import draw_plant_scenario
 from errorscreen.discovery import CauseFinder
 from errorscreen.discovery.hypotheses import parameters_only
-from errorscreen.discovery.latent import rank_places, waveform
+from errorscreen.discovery.latent import probabilities_of, rank_places, waveform
 from errorscreen.effects.latent_input import KNOTS, latent
+from errorscreen.observations import Observation
 from tests.plants import dip, plant
 
 
@@ -57,3 +59,22 @@ def test_what_no_signal_explains_has_no_place():
     places, count = rank_places(base)
     assert places == []
     assert count > 0
+
+
+def test_what_the_best_signal_leaves_makes_evidence_say_less():
+    event = dip(stop=5.0)
+    values = np.zeros((2, len(event.time)))
+    observation = Observation(event, values, np.ones(2), ("P", "Q"), ("pu", "pu"))
+    white = np.random.default_rng(0).standard_normal(int(observation.mask.sum()))
+    smooth = 5.0 * np.sin(np.linspace(0.0, 20.0, len(white)))
+
+    def first(residuals):
+        places = [
+            SimpleNamespace(evidence=e, observations=[observation], residuals=residuals)
+            for e in (-10.0, -40.0)
+        ]
+        return probabilities_of(places)[0]
+
+    assert first(white) > 0.999999
+    assert 0.5 < first(smooth) < 0.6
+    assert first(np.zeros(len(white))) > 0.999999

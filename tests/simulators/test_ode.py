@@ -10,6 +10,7 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from errorscreen.effects.generic import TEMPLATES
+from errorscreen.effects.latent_input import KNOTS
 from errorscreen.events import Event, InputSignal
 from errorscreen.exceptions import EngineWarning, InputError, SimulationError
 from errorscreen.observations import Observation
@@ -44,7 +45,7 @@ def effects_of(model, effect):
     simulator = BUILT[model].extend(effect)
     theta = simulator.parameters.nominal
     if effect.startswith("latent"):
-        theta[-16:] = 0.1 * np.arange(16) / 16
+        theta[-KNOTS:] = 0.1 * np.arange(KNOTS) / KNOTS
     return simulator, theta
 
 
