@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
 from scipy.optimize import lsq_linear
 
 #: damping values tried in one batch, relative to the one that worked last
@@ -17,6 +17,8 @@ _FIRST_DAMPING, _LARGEST_DAMPING, _SMALLEST_DAMPING = 0.1, 1e6, 1e-9
 _JITTER = 1e-12
 #: a decrease below this share of what counts as converged is no progress
 _NO_PROGRESS = 1e-2
+#: guesses of what lies at a bound, before an algorithm that cannot cycle takes over
+_GUESSES = 30
 
 _Array = NDArray[np.float64]
 
@@ -61,8 +63,7 @@ class BoundedSearch:
 
     Each iteration evaluates two batches for all starts together: the differences of the residuals z, and one
     trial point for each of seven damping values. A step is the exact minimiser of the damped linear
-    model inside the bounds: the normal matrix is scaled to unit diagonal, damped, and factorised by Cholesky,
-    which leaves a small least-squares problem with bounds for `scipy.optimize.lsq_linear`. A clipped
+    model inside the bounds (`bounded_minimum`), with the normal matrix scaled to unit diagonal and damped. A clipped
     Levenberg–Marquardt step is not: it gets stuck as soon as a bound is active.
 
     Differences are one-sided, which takes half the evaluations, until they lead no further, and central from
@@ -199,13 +200,8 @@ class BoundedSearch:
         scale = np.sqrt(np.diag(A))
         A, g = A / np.outer(scale, scale), g / scale
         low, high = (self._lower - track.u) * scale, (self._upper - track.u) * scale
-        steps = []
-        for damping in np.asarray(dampings, dtype=float):
-            C = cholesky(A + (damping + _JITTER) * np.eye(len(g)))
-            target = -solve_triangular(C, g, trans="T")
-            d = lsq_linear(C, target, bounds=(low, high), method="bvls").x
-            steps.append(np.clip(d, low, high) / scale)
-        return np.array(steps)
+        damped = (A + (damping + _JITTER) * np.eye(len(g)) for damping in np.asarray(dampings, dtype=float))
+        return np.array([bounded_minimum(matrix, g, low, high) / scale for matrix in damped])
 
     def _try_steps(self, tracks: list[Track]) -> None:
         """Evaluate all damping values of all tracks in one batch and take the best of each."""
@@ -235,3 +231,52 @@ def _moved(u: _Array, ends: _Array) -> _Array:
     diagonal = np.arange(len(u))
     points[:, diagonal, diagonal] = ends
     return points.reshape(-1, len(u))
+
+
+def bounded_minimum(matrix: ArrayLike, slope: ArrayLike, lower: ArrayLike, upper: ArrayLike) -> _Array:
+    r"""Minimiser of :math:`\tfrac12 d^T A d + g^T d` inside bounds, for a positive definite matrix A.
+
+    An infeasible active set method: what would leave a bound is put there, what is pulled inwards from one is let go,
+    all at once, until nothing changes (K. Kunisch and F. Rendl, "An infeasible active set method for quadratic
+    problems with simple bounds", *SIAM Journal on Optimization* 14(1), 2003). That is exact, and takes a few
+    factorisations of the free part of A. It may cycle; then `scipy.optimize.lsq_linear` takes over, whose method
+    (BVLS) moves one variable at a time, with a singular value decomposition for each.
+
+    Parameters
+    ----------
+    matrix : array-like of shape (k, k)
+        A.
+    slope : array-like of shape (k,)
+        g.
+    lower, upper : array-like of shape (k,)
+
+    Returns
+    -------
+    ndarray of shape (k,)
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If A is not positive definite.
+
+    Examples
+    --------
+    >>> bounded_minimum([[2.0, 0.0], [0.0, 1.0]], [-2.0, -3.0], [-1.0, -1.0], [5.0, 2.0])
+    array([1., 2.])
+    """
+    A, g = np.asarray(matrix, dtype=float), np.asarray(slope, dtype=float)
+    low, high = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
+    side = np.zeros(len(g), dtype=int)  # -1 at the lower bound, 1 at the upper one, 0 free
+    for _ in range(_GUESSES):
+        free = side == 0
+        d = np.where(side < 0, low, np.where(free, 0.0, high))
+        if free.any():
+            d[free] = cho_solve(cho_factor(A[np.ix_(free, free)]), -(g + A @ d)[free])
+        pull = g + A @ d
+        new = np.where(free, (d > high).astype(int) - (d < low), np.where(side * pull < 0, side, 0))
+        if np.array_equal(new, side):
+            return d
+        side = new
+    C = cholesky(A)
+    d = lsq_linear(C, -solve_triangular(C, g, trans="T"), bounds=(low, high), method="bvls").x
+    return np.clip(d, low, high)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.discovery.hypotheses import SLICE, SLICES, Hypothesis, JointFit, linearised
+from errorscreen.discovery.hypotheses import SLICE, Hypothesis, JointFit, fit_hypothesis, linearised, race
 from errorscreen.discovery.journal import Journal
 from errorscreen.discovery.remainder import Remainder, remainder_test
 from errorscreen.discovery.restarts import elsewhere, escapes, followed, off_the_edge, searched
@@ -207,7 +207,7 @@ class Competition:
             self._keep(hypothesis, self._test(hypothesis))
         return done
 
-    def _raced(self, base: Hypothesis, searches: Sequence[SignatureSearch]) -> list[JointFit]:
+    def _raced(self, base: Hypothesis, searches: Sequence[SignatureSearch]) -> Sequence[JointFit]:
         """Joint fits that got furthest."""
         threshold = base.objective - _WORTH if self.is_adequate(base) else np.inf
         known = {frozenset(e.name for e in h.effects) for h in self.hypotheses}
@@ -221,14 +221,7 @@ class Competition:
             with contextlib.suppress(SimulationError):
                 starts = search.starts(matches)
                 fits.append(JointFit(effects, search.problem, starts).keep(_BEGUN).run(SLICE).keep(_KEPT))
-        fits = sorted(fits, key=lambda fit: fit.objective)[: self.n_fits]
-        running = list(fits)
-        for _ in range(SLICES):
-            running = [fit.run(SLICE) for fit in running if fit.active]
-            # one that has come to rest far above the best will not catch up
-            best = min((fit.objective for fit in fits), default=0.0)
-            running = [fit for fit in running if fit.may_reach(best)]
-        return fits
+        return race(sorted(fits, key=lambda fit: fit.objective)[: self.n_fits])
 
     def _escape(self, hypothesis: Hypothesis) -> Hypothesis:
         """Follow ways out of a local minimum, as long as they lead lower; with few parameters, search everywhere."""
@@ -393,8 +386,6 @@ class Competition:
             simulator = simulator.extend(effect)
         problem = FitProblem(simulator, list(observations))
         points = [h.deviations(problem.names) for h in starts]
-        found = self._journal.fitted(
-            effects, problem, lambda: JointFit(effects, problem, points).run(SLICE * SLICES).hypothesis()
-        )
+        found = self._journal.fitted(effects, problem, lambda: fit_hypothesis(effects, problem, points))
         self.n_simulations += problem.n_simulations
         return found

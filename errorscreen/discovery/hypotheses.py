@@ -245,11 +245,19 @@ def _applies(effect: Effect, event: Event) -> bool:
     return effect.equations(event, *(p.nominal for p in effect.parameters)) is not event
 
 
-def fit_hypothesis(
-    effects: Sequence[Effect], problem: FitProblem, starts: ArrayLike, *, max_iterations: int = 30
-) -> Hypothesis:
+def fit_hypothesis(effects: Sequence[Effect], problem: FitProblem, starts: ArrayLike) -> Hypothesis:
     """Fit all parameters of a problem from some starts in lockstep, see `JointFit`."""
-    return JointFit(effects, problem, starts).run(max_iterations).hypothesis()
+    return JointFit(effects, problem, starts).run(SLICE * SLICES).hypothesis()
+
+
+def race(fits: Sequence[JointFit]) -> Sequence[JointFit]:
+    """Go on with begun fits side by side, without those that have come to rest far above the best."""
+    running = list(fits)
+    for _ in range(SLICES):
+        running = [fit.run(SLICE) for fit in running if fit.active]
+        best = min((fit.objective for fit in fits), default=0.0)
+        running = [fit for fit in running if fit.may_reach(best)]
+    return fits
 
 
 def described(

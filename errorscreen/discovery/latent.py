@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from errorscreen.calibration.intervals import noise_inflation
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.discovery.hypotheses import Hypothesis, fit_hypothesis
+from errorscreen.discovery.hypotheses import SLICE, Hypothesis, JointFit, race
 from errorscreen.discovery.remainder import by_recording
 from errorscreen.effects.latent_input import KNOTS
 from errorscreen.events import InputSignal, Playback
@@ -69,6 +70,8 @@ class Place:
 def rank_places(base: Hypothesis) -> tuple[list[Place], int]:
     """Fit an unknown signal at each port together with all parameters, one of its own in each recording.
 
+    A fit that has come to rest far above the best is not led to its end (`race`).
+
     What the best of them leaves beyond noise counts as noise of that size and smoothness (`noise_inflation`): where
     even a signal of free shape does not fit, evidence says less about the place.
 
@@ -83,8 +86,8 @@ def rank_places(base: Hypothesis) -> tuple[list[Place], int]:
         The most probable first; empty where the simulator has no ports, or a signal explains next to nothing at any.
     n_simulations : int
     """
-    found: list[Hypothesis] = []
-    count = 0
+    problems: list[FitProblem] = []
+    fits: list[JointFit] = []
     events = dict.fromkeys(o.event.name for o in base.observations)
     for effect in base.simulator.effects:
         if effect.kind != "latent":
@@ -95,14 +98,12 @@ def rank_places(base: Hypothesis) -> tuple[list[Place], int]:
             simulator = simulator.extend(signal)
         on = {signal.local(signal.strength.name) for signal in signals}
         names = [name for name in simulator.parameters.names if name not in on]
-        problem = FitProblem(simulator, list(base.observations), names)
+        problems.append(FitProblem(simulator, list(base.observations), names))
         start = np.concatenate([base.u, np.zeros(KNOTS * len(signals))])
-        try:
-            found.append(fit_hypothesis(signals, problem, start))
-        except SimulationError:
-            continue
-        finally:
-            count += problem.n_simulations
+        with contextlib.suppress(SimulationError):
+            fits.append(JointFit(signals, problems[-1], start).run(SLICE))
+    found = [fit.hypothesis() for fit in race(fits)]
+    count = sum(problem.n_simulations for problem in problems)
     shares = [_explained(hypothesis, base) for hypothesis in found]
     if not found or max(shares) < _EXPLAINS:
         return [], count

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.discovery.hypotheses import PRIOR, JointFit, described, fit_hypothesis, linearised
+from errorscreen.discovery.hypotheses import PRIOR, JointFit, described, fit_hypothesis, linearised, race
 from errorscreen.discovery.signatures import SignatureSearch
 from errorscreen.observations import Observation
 from tests.plants import dip, plant
@@ -66,6 +66,23 @@ def test_a_fit_goes_on_where_it_stopped(hidden):
     first = in_parts.run(3).objective
     assert in_parts.run(5).objective == at_once.objective
     assert in_parts.gained == pytest.approx(first - at_once.objective)
+
+
+def test_a_fit_at_rest_far_above_the_best_is_not_led_to_its_end(hidden):
+    """What a race leaves alone is what cannot win: the winner gets as far as it does by itself."""
+    base, theta, values, observation = hidden
+    problems = [FitProblem(base.extend(name), observation) for name in ("exciter", "lag_P")]
+    starts = [
+        (np.concatenate([theta * 1.03, own]) - p.space.nominal) / p.space.scales
+        for p, own in zip(problems, (values, problems[1].space.nominal[8:]), strict=True)
+    ]
+    fits = [JointFit(p.simulator.extensions, p, u).run(5) for p, u in zip(problems, starts, strict=True)]
+    assert race(fits) == fits
+    winner, loser = fits
+    alone = fit_hypothesis(winner.effects, FitProblem(winner.problem.simulator, observation), starts[0])
+    assert winner.objective == pytest.approx(alone.objective, rel=1e-12)
+    assert loser.objective > 10 * winner.objective
+    assert not loser.may_reach(winner.objective)
 
 
 def test_the_right_effect_has_the_best_signature(hidden):
