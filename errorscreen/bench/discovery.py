@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -26,7 +27,14 @@ from errorscreen.calibration.problem import FitProblem
 from errorscreen.checkpoint import Checkpoint, digest
 from errorscreen.discovery import CauseFinder
 from errorscreen.discovery.hypotheses import JointFit
-from errorscreen.exceptions import DataWarning, InputError, check_integer, check_real, unknown_name
+from errorscreen.exceptions import (
+    DataWarning,
+    InputError,
+    SimulationError,
+    check_integer,
+    check_real,
+    unknown_name,
+)
 from errorscreen.simulators import Simulator
 
 SCHEMA_VERSION = 1
@@ -247,8 +255,9 @@ def _held_out(hidden: Scenario, finder: CauseFinder) -> dict[str, float | None]:
             simulator = simulator.extend(name)
         problem = FitProblem(simulator, list(hidden.recordings))
         u = (np.concatenate([hidden.theta, hidden.values]) - problem.space.nominal) / problem.space.scales
-        best = JointFit(simulator.extensions, problem, u).run(_ITERATIONS).hypothesis()
-        true = distance(simulator.with_nominal(best.theta))
+        with contextlib.suppress(SimulationError):
+            best = JointFit(simulator.extensions, problem, u).run(_ITERATIONS).hypothesis()
+            true = distance(simulator.with_nominal(best.theta))
     found = {
         "baseline": distance(alike),
         "recalibrated": distance(finder.recalibrated_simulator_),
@@ -303,7 +312,7 @@ def summarise(rows: Sequence[_Record]) -> dict[str, Any]:
             )
             for outcome in ("correct", "wrong", "unknown", "missed")
         }
-        for device in sorted({r["truth"]["device"] for r in rows})
+        for device in sorted({r["truth"]["device"] for r in rows} - {""})
     }
     right = [r for r in rows if r["truth"]["right"] and r["outcome"] == "correct"]
     return {

@@ -57,7 +57,8 @@ def tables(result: dict[str, Any]) -> str:
     ]
     for name, text in _RATES.items():
         entry = result["rates"][name]
-        if entry["n"]:
+        # a plant is the only device of its simulator
+        if entry["n"] and (name, result["case"]) != ("outside_place", "plant"):
             low, high = entry["interval"]
             lines.append(f"| {text} | {entry['value']:.3f} [{low:.3f}, {high:.3f}] | {entry['n']} |")
     lines += [

@@ -13,7 +13,7 @@ from scipy.linalg import cho_factor, cho_solve
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery.hypotheses import PRIOR, linearised
 from errorscreen.effects import Effect
-from errorscreen.exceptions import InputError
+from errorscreen.exceptions import InputError, SimulationError
 from errorscreen.observations import Observation
 from errorscreen.simulators import Simulator
 
@@ -176,17 +176,10 @@ def draw_scenario(
         except InputError:  # it moves before the event: no such record is accepted
             continue
         n = setup.n_fit
-        sizes = []
-        for k in range(len(effects)):  # each effect alone, with the others as they are
-            without = values.copy()
-            without[len(theta) + sum(map(len, own[:k]))] = 0.0
-            others = [truth.simulate(without, e).values[0][:, :: setup.every] for e in setup.events[:n]]
-            change = [y - o for y, o in zip(responses, others, strict=False)]
-            beside, known = simulator, [theta]  # the parameters of the other effects can make up for it too
-            for j, effect in enumerate(effects):
-                if j != k:
-                    beside, known = beside.extend(effect), [*known, own[j]]
-            sizes.append(surviving(beside, np.concatenate(known), observations[:n], change))
+        try:
+            sizes = _sizes(setup, truth, simulator, effects, theta, own, observations[:n], responses)
+        except SimulationError:  # what cannot be simulated without an effect says nothing about its size
+            continue
         if effects and not min(sizes) >= least:
             continue
         place = (effects[0].device or device or effects[0].kind) if effects else device or ""
@@ -209,6 +202,33 @@ def draw_scenario(
         f"none of {TRIES} effects drawn is at least {least:g} times the noise at {noise_db:g} dB",
         allowed="less noise, or a smaller least size",
     )
+
+
+def _sizes(
+    setup: Setup,
+    truth: Simulator,
+    simulator: Simulator,
+    effects: Sequence[Effect],
+    theta: _Array,
+    own: Sequence[_Array],
+    observations: Sequence[Observation],
+    responses: Sequence[_Array],
+) -> list[float]:
+    """Size of each effect, with the others as they are, see `surviving`."""
+    values, sizes = np.concatenate([theta, *own]), []
+    for k in range(len(effects)):
+        without = values.copy()
+        without[len(theta) + sum(map(len, own[:k]))] = 0.0
+        change = []
+        for event, response in zip(setup.events[: setup.n_fit], responses, strict=False):
+            found = truth.simulate(without, event).require_ok("the truth without an effect")
+            change.append(response - found.values[0][:, :: setup.every])
+        beside, known = simulator, [theta]  # the parameters of the other effects can make up for it too
+        for j, effect in enumerate(effects):
+            if j != k:
+                beside, known = beside.extend(effect), [*known, own[j]]
+        sizes.append(surviving(beside, np.concatenate(known), observations, change))
+    return sizes
 
 
 def _happened(

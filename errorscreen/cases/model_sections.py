@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Sequence
 from typing import Annotated, ClassVar, Literal, Protocol
 
 import numpy as np
@@ -141,13 +142,17 @@ class GridSection(CandidatesSection):
                 raise InputError(f"channel {name} is {where}", allowed=f"{name} = {_KINDS[name]}")
         return self
 
-    def simulator(self, event: GridEvent, step: float) -> PowerSystemSimulator:
+    def simulator(
+        self, event: GridEvent, step: float, further: Sequence[GridEvent] = ()
+    ) -> PowerSystemSimulator:
         """Simulator of the case with the candidates of this section."""
         channels = {
             name: where if isinstance(where, int) else (where[0], where[1])
             for name, where in self.channels.items()
         }
-        return load_ieee39(parameters=self.space(), channels=channels, event=event, step=step)
+        return load_ieee39(
+            parameters=self.space(), channels=channels, event=event, further=further, step=step
+        )
 
     def space(self) -> ParameterSpace:
         """Candidates of the case."""

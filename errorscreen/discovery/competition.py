@@ -201,7 +201,7 @@ class Competition:
         """Fit effects for a few iterations each and those that get furthest to the end."""
         problems = {search.effect.name: search.problem for search in searches}
         done = self._journal.all_fitted(
-            problems, lambda: [fit.hypothesis() for fit in self._raced(base, searches)]
+            base.effects, problems, lambda: [fit.hypothesis() for fit in self._raced(base, searches)]
         )
         for hypothesis in done:
             self._keep(hypothesis, self._test(hypothesis))
@@ -287,7 +287,9 @@ class Competition:
             return hypothesis
         reference = self.simulator.refined(_FINER)
         fine = hypothesis.simulator.with_step_of(reference)
-        observations = [fine.quantified(o, hypothesis.theta) for o in hypothesis.observations]
+        before = fine.parameters.nominal  # noise was estimated without effects
+        before[[fine.parameters.index(e.local(e.strength.name)) for e in hypothesis.effects]] = 0.0
+        observations = [fine.quantified(o, hypothesis.theta, before) for o in hypothesis.observations]
         if self._promised(hypothesis, FitProblem(fine, observations, hypothesis.names)) > _LEFT:
             return hypothesis
         finer = self._refitted(hypothesis.effects, observations, reference, [hypothesis])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from os import PathLike
 from typing import Any
 
@@ -32,6 +32,7 @@ from errorscreen.observations import Observation
 from errorscreen.sampling import generator
 from errorscreen.simulators.base import Simulator
 from errorscreen.simulators.observations import as_observations
+from errorscreen.simulators.user_functions import identity
 
 #: hypotheses at most so many times less probable than the best cannot be told from it
 _ALIKE = 20.0
@@ -53,7 +54,7 @@ class CauseFinder(BaseEstimator):
     Parameters
     ----------
     simulator : Simulator
-    effects : iterable of str, optional
+    effects : sequence of str, optional
         Names of the effects to try; all of the simulator's where not given. What belongs to one recording
         (`Effect.occasional`) is tried in each of them by itself, and is off in others; the names of their events tell
         recordings apart.
@@ -68,13 +69,14 @@ class CauseFinder(BaseEstimator):
         least 0.001.
     n_starts, library_size : int
         Of the fit without effects, see `MAPCalibrator`.
-    events : iterable of Event, optional
+    events : sequence of Event, optional
         Events that could be recorded in addition; the one that separates a group best is named.
     random_state : None, int, SeedSequence, Generator or RandomState
     report : callable, optional
         Takes lines of text while it works.
     checkpoint : path-like, optional
-        Folder for the parts of the search that are finished: after an interruption the same fit goes on from there.
+        Folder for the parts of the search that are finished: after an interruption the same fit goes on from there. It
+        needs a `random_state` that is given.
 
     Attributes
     ----------
@@ -102,7 +104,8 @@ class CauseFinder(BaseEstimator):
     placebo_ : Hypothesis or None
         A wrong effect that was fitted, to compare a gain with.
     n_simulations_ : int
-        Those of part of a recording count like whole ones.
+        Those of part of a recording count like whole ones. How noise of injected signals passes through a model is not
+        counted: some hundred runs for each recording and model that comes near to noise.
 
     Examples
     --------
@@ -117,7 +120,7 @@ class CauseFinder(BaseEstimator):
     def __init__(
         self,
         simulator: Simulator,
-        effects: Iterable[str] | None = None,
+        effects: Sequence[str] | None = None,
         *,
         max_effects: int = 2,
         n_fits: int = 6,
@@ -125,7 +128,7 @@ class CauseFinder(BaseEstimator):
         significance: float = 0.002,
         n_starts: int = 4,
         library_size: int = 2048,
-        events: Iterable[Event] | None = None,
+        events: Sequence[Event] | None = None,
         random_state: Any = None,
         report: Callable[[str], None] | None = None,
         checkpoint: str | PathLike[str] | None = None,
@@ -168,15 +171,21 @@ class CauseFinder(BaseEstimator):
                 raise InputError(
                     f"events holds a {type(event).__name__}", allowed="objects of a class of Event"
                 )
+        if self.checkpoint is not None and self.random_state is None:
+            raise InputError(
+                "a search without random_state is another one each time, so it cannot go on from a checkpoint",
+                allowed="random_state=0, or any other number",
+            )
         observations = as_observations(self.simulator, X)
         library = candidates(self.simulator, observations, self._names())
         self._seed = int(generator(self.random_state).integers(2**31))
         self.places_: list[Place] = []
         self._tell("fit without effects")
         self._calibrator = self._calibrate(observations)
-        self._count = self._calibrator.n_simulations_
+        self._count = self._calibrator.n_simulations_ + len(observations)  # those of the baseline
         best = min(self._calibrator.starts_, key=lambda start: start["objective"])
-        first = parameters_only(self.simulator, observations, self._calibrator.theta_, best["state"])
+        problem = FitProblem(self.simulator, list(observations))
+        first = parameters_only(problem, self._calibrator.theta_, best["state"])
         found = Competition(
             first,
             max_effects=self.max_effects,
@@ -187,6 +196,7 @@ class CauseFinder(BaseEstimator):
             tell=self._tell,
             journal=self._journal(observations, library),
         )
+        self._count += problem.n_simulations
         self._nominal = self._baseline(observations)
         self.tried_: tuple[str, ...] = ()
         if self.max_effects and not self._nothing_to_explain:
@@ -249,7 +259,7 @@ class CauseFinder(BaseEstimator):
             "version": digest(__version__),
             "simulator": digest(type(self.simulator).__name__, self.simulator.settings()),
             "parameters": digest(list(self.simulator.parameters)),
-            "effects": digest([effect.name for effect in library]),
+            "effects": digest([(effect, identity(effect.equations)) for effect in library]),
             "recordings": digest(observations),
             "arguments": digest(*arguments, self.n_starts, self.library_size),
             "seed": digest(self._seed),
@@ -336,7 +346,7 @@ class CauseFinder(BaseEstimator):
         holds = gain.interval[1] >= 0 if first.event else gain.holds
         if self.verdict_.kind in ("effect", "measurement") and not holds:
             self.extended_simulator_, self.groups_ = self.recalibrated_simulator_, []
-            self.causes_ = conclusions.withdrawn(self.causes_)
+            self.causes_, self._chosen = conclusions.withdrawn(self.causes_), self._base
             self.verdict_ = Verdict("unknown", f"{conclusions.withdrawn_text(first, gain)} {self._located()}")
         return gain
 

@@ -76,9 +76,16 @@ def effect_dataset(
     """
     check_integer(n_samples, "n_samples")
     check_real(share, "share", low=0.0, high=1.0)
-    chosen = simulator.effects_named(effects)
-    if not chosen:
-        raise InputError(f"{simulator!r} has no effects to add", allowed="at least one effect")
+    named = simulator.effects_named(effects)
+    chosen = [effect for effect in named if simulator.accepts(effect)]
+    if not chosen or (effects is not None and len(chosen) < len(named)):
+        had = ", ".join(effect.name for effect in named if effect not in chosen)
+        raise InputError(
+            f"{simulator!r} has no effects to add"
+            if not had
+            else f"{simulator!r} has been extended by {had} before",
+            allowed="at least one effect, none of which it has",
+        )
     event = simulator.event if event is None else event
     rng = generator(random_state)
     data = generate_dataset(
@@ -88,12 +95,14 @@ def effect_dataset(
     responses, status = data.responses.copy(), data.status.copy()
     strengths, labels = np.zeros((2, n_samples, len(chosen)))
     which = np.where(rng.random(n_samples) < share, rng.integers(len(chosen), size=n_samples), -1)
+    count = n_samples * (m + 1)
     for k, effect in enumerate(chosen):
         rows = np.flatnonzero((which == k) & data.ok)
         if not len(rows):
             continue
         extended = simulator.extend(effect)
         own = _drawn(extended, m, len(rows), rng)
+        count += len(rows)
         result = extended.simulate(np.hstack([data.theta[rows], own]), event)
         change = result.values - data.responses[rows]
         responses[rows], strengths[rows, k] = result.values, own[:, 0]
@@ -112,7 +121,12 @@ def effect_dataset(
         data.channels,
         data.time,
         data.event,
-        {**data.metadata, "effects": [effect.name for effect in chosen], "share": share},
+        {
+            **data.metadata,
+            "effects": [effect.name for effect in chosen],
+            "share": share,
+            "n_simulations": count,
+        },
     )
 
 

@@ -82,8 +82,9 @@ class Gain:
 
     @property
     def holds(self) -> bool:
-        """Whether the interval excludes no gain, and the placebo gains less."""
-        return self.interval[0] > 0 and (self.placebo is None or self.gain > self.placebo)
+        """Whether the interval excludes no gain, and the placebo gains less, where both can be told."""
+        told = any(np.isfinite(event.recalibrated) for event in self.events)
+        return self.interval[0] > 0 and (self.placebo is None or not told or self.gain > self.placebo)
 
 
 def measure_gain(
@@ -115,20 +116,22 @@ def measure_gain(
     Returns
     -------
     Gain
-        A model that cannot be simulated on an event counts with an infinite error there.
+        A model that cannot be simulated on an event counts with an infinite error there. Where that is the recalibrated
+        one, the event is left out of the gain; of such events alone it is 1 if the extended model can be simulated.
     """
     observations = as_observations(baseline, held_out)
     rng = generator(random_state)
     squares = [_squares(model, observations) for model in (baseline, recalibrated, extended)]
     totals = [[float(row.sum()) for row in rows] for rows in squares]
     counts = [int(o.mask.sum()) for o in observations]
-    gain = _gain(sum(totals[1]), sum(totals[2]))
+    compared = [e for e, total in enumerate(totals[1]) if np.isfinite(total)] or list(range(len(totals[1])))
+    gain = _gain(*(sum(totals[k][e] for e in compared) for k in (1, 2)))
     draws = np.empty(_RESAMPLED)
     widths = [max(1, round(_BLOCK / o.event.dt)) for o in observations]
     for i in range(_RESAMPLED):
-        chosen = rng.integers(len(observations), size=len(observations))
+        chosen = rng.integers(len(compared), size=len(compared))
         old = new = 0.0
-        for event in chosen:
+        for event in (compared[e] for e in chosen):
             index = _blocks(len(squares[1][event]), widths[event], rng)
             old += float(squares[1][event][index].sum())
             new += float(squares[2][event][index].sum())
@@ -138,7 +141,8 @@ def measure_gain(
         low, high = np.quantile(draws, [0.5 - level / 2, 0.5 + level / 2])
     other = None
     if placebo is not None:
-        other = _gain(sum(totals[1]), sum(float(row.sum()) for row in _squares(placebo, observations)))
+        rows = _squares(placebo, observations)
+        other = _gain(sum(totals[1][e] for e in compared), sum(float(rows[e].sum()) for e in compared))
     rms = [float(np.sqrt(sum(t) / sum(counts))) for t in totals]
     events = tuple(
         EventGain(o.event.name, *(float(np.sqrt(totals[k][e] / counts[e])) for k in range(3)))
@@ -162,7 +166,7 @@ def _squares(model: Simulator, observations: Sequence[Observation]) -> list[_Arr
 def _gain(old: float, new: float) -> float:
     if not np.isfinite(new):
         return -np.inf
-    return 1.0 - new / old if np.isfinite(old) and old > 0 else 0.0
+    return 1.0 - new / old if old > 0 else 0.0
 
 
 def _blocks(length: int, width: int, rng: np.random.Generator) -> NDArray[np.int64]:

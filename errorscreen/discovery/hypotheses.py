@@ -23,6 +23,7 @@ from errorscreen.calibration.problem import FitProblem
 from errorscreen.calibration.search import BoundedSearch
 from errorscreen.effects.base import Effect
 from errorscreen.events import Event
+from errorscreen.exceptions import InputError
 from errorscreen.observations import Observation
 from errorscreen.simulators.base import Simulator
 
@@ -213,7 +214,8 @@ def candidates(
     """Effects to try: what belongs to one recording, an error of the event's record, is one for each of them.
 
     An error of the record may also be the same in all of several recordings: a relay that is always late. Recordings
-    are told apart by the names of their events: what has the same name counts as the same.
+    are told apart by the names of their events: what has the same name counts as the same. What the simulator has been
+    extended by is none of them.
 
     Parameters
     ----------
@@ -221,6 +223,11 @@ def candidates(
     observations : sequence of Observation
     names : iterable of str, optional
         All of the simulator's where not given.
+
+    Raises
+    ------
+    InputError
+        If one that is named is unknown, or the simulator has been extended by it.
     """
     events = {o.event.name: o.event for o in observations}
     found: list[Effect] = []
@@ -235,7 +242,15 @@ def candidates(
         found += [effect.during(name) for name in happened]
         if effect.kind == "event" and len(happened) > 1:
             found.append(effect)
-    return found
+    new = [effect for effect in found if simulator.accepts(effect)]
+    had = {effect.original for effect in found} - {effect.original for effect in new}
+    if names is not None and had:
+        raise InputError(
+            f"the effect {min(had)!r} has been added before",
+            where=repr(simulator),
+            allowed="any other effect",
+        )
+    return new
 
 
 def _applies(effect: Effect, event: Event) -> bool:
@@ -304,11 +319,8 @@ def linearised(problem: FitProblem, u: ArrayLike) -> tuple[_Array, _Array]:
     return track.residuals, track.jacobian
 
 
-def parameters_only(
-    simulator: Simulator, observations: Sequence[Observation], theta: ArrayLike, state: str
-) -> Hypothesis:
+def parameters_only(problem: FitProblem, theta: ArrayLike, state: str) -> Hypothesis:
     """Hypothesis without effects, at values that a calibrator found."""
-    problem = FitProblem(simulator, list(observations))
     u = (np.asarray(theta, dtype=float) - problem.space.nominal) / problem.space.scales
     residuals, jacobian = linearised(problem, u)
     return described((), problem, u, residuals, jacobian, state)

@@ -77,12 +77,17 @@ class Journal:
         return found
 
     def all_fitted(
-        self, problems: Mapping[str, FitProblem], fit: Callable[[], Sequence[Hypothesis]]
+        self,
+        effects: Sequence[Effect],
+        problems: Mapping[str, FitProblem],
+        fit: Callable[[], Sequence[Hypothesis]],
     ) -> list[Hypothesis]:
         """Fits of which each has added one effect.
 
         Parameters
         ----------
+        effects : sequence of Effect
+            That all of them have.
         problems : mapping of str to FitProblem
             By the name of the effect that was added.
         fit : callable
@@ -102,7 +107,7 @@ class Journal:
             for number, name in enumerate(part["fits"]):
                 problem = problems[str(name)]
                 own = {key: part[f"{number}.{key}"] for key in ("u", "state")}
-                found.append(unpacked(problem.simulator.extensions, problem, own))
+                found.append(unpacked((*effects, problem.simulator.extensions[-1]), problem, own))
         for problem, count in zip(problems.values(), part["counts"], strict=True):
             problem.n_simulations = int(count)
         return found

@@ -159,13 +159,17 @@ class Simulator(ABC):
         added = library[name]
         if recording:
             added = added.during(recording, rename=wanted != name)
-        if any(other.clashes_with(added) for other in self.extensions):
+        if not self.accepts(added):
             raise InputError(f"the effect {wanted!r} has been added before", where=repr(self))
         space = ParameterSpace(added.parameters).replace(options)
         extended = copy.copy(self)
         extended.parameters = self.parameters.extend(replace(p, name=added.local(p.name)) for p in space)
         extended.extensions = (*self.extensions, added)
         return extended
+
+    def accepts(self, effect: Effect) -> bool:
+        """Whether an effect can be added beside those that have been."""
+        return not any(other.clashes_with(effect) for other in self.extensions)
 
     def effects_named(self, names: Iterable[str] | None) -> list[Effect]:
         """Effects of the library by name; all but unknown signals where no names are given.
@@ -221,7 +225,9 @@ class Simulator(ABC):
                     values |= {f"{effect.original}.{name}": column for name, column in own.items()}
         return values
 
-    def quantified(self, observation: Observation, theta: ArrayLike) -> Observation:
+    def quantified(
+        self, observation: Observation, theta: ArrayLike, estimated: ArrayLike | None = None
+    ) -> Observation:
         """Return an observation with the uncertainty that it has if `theta` are the true parameters.
 
         What the noise of injected signals makes depends on the model; without injected signals nothing changes.
@@ -230,6 +236,8 @@ class Simulator(ABC):
         ----------
         observation : Observation
         theta : array-like of shape (m,)
+        estimated : array-like of shape (m,), optional
+            Parameters with which `Observation.noise` was estimated; the nominal ones where not given.
         """
         return observation
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -61,9 +61,9 @@ def constant_names(device: Device) -> tuple[str, ...]:
 
 
 def grid_effects(
-    devices: Mapping[str, str], channels: Iterable[str], network: Network, event: Event
+    devices: Mapping[str, str], channels: Iterable[str], network: Network, events: Sequence[Event]
 ) -> Iterator[Effect]:
-    """Effects of each device, of the measurement, and of what may have been different in a fault.
+    """Effects of each device, of the measurement, and of what may have been different in faults.
 
     Parameters
     ----------
@@ -71,21 +71,22 @@ def grid_effects(
         Key in `LIBRARY` by the name of the device.
     channels : iterable of str
     network : Network
-    event : Event
-        What the simulator simulates where nothing else is given.
+    events : sequence of Event
+        Those whose records may be wrong.
     """
     for device, kind in devices.items():
         yield from (effect.at(device) for effect in LIBRARY.get(kind, ()))
     yield from measurement_effects(channels)
-    if isinstance(event, BusFault):
+    faulted = {event.bus for event in events if isinstance(event, BusFault)}
+    if faulted:
         yield from (FAULT_DURATION, FAULT_IMPEDANCE)
-        for branch in network.branches:
-            if event.bus in branch.ends and branch.in_service:
-                try:
-                    network.with_line_out(*branch.ends, branch.circuit)
-                except InputError:  # it would leave an island
-                    continue
-                yield branch_trip(branch.ends)
+    for branch in network.branches:
+        if not faulted.isdisjoint(branch.ends) and branch.in_service:
+            try:
+                network.with_line_out(*branch.ends, branch.circuit)
+            except InputError:  # it would leave an island
+                continue
+            yield branch_trip(branch.ends)
 
 
 class GridModel:

@@ -311,13 +311,16 @@ class PlantSimulator(Simulator):
                 )
         return replace(observation, assumptions=(*observation.assumptions, *notes))
 
-    def quantified(self, observation: Observation, theta: ArrayLike) -> Observation:
+    def quantified(
+        self, observation: Observation, theta: ArrayLike, estimated: ArrayLike | None = None
+    ) -> Observation:
         """Uncertainty of a recording if `theta` are the true parameters; see `Simulator.quantified`."""
+        before = self.parameters.nominal if estimated is None else estimated
 
         def run_of(values: ArrayLike) -> Callable[..., NDArray[np.float64]]:
             return lambda event, **options: self._run(values, event, **options).values[0]
 
-        return quantified(observation, run_of(theta), self.step, run_of(self.parameters.nominal))
+        return quantified(observation, run_of(theta), self.step, run_of(before))
 
     def _values(self, theta: NDArray[np.float64], event: Playback) -> dict[str, NDArray[np.float64]]:
         """All constants, parameters and the operating point by name, each of shape (n,)."""

@@ -56,6 +56,8 @@ class PowerSystemSimulator(Simulator):
         active power that arrives at the receiving bus over the branches between them.
     event : GridEvent
         What `simulate` uses where no event is given.
+    further : iterable of GridEvent
+        Others whose records may be wrong, too.
     parameters : ParameterSpace, optional
         Candidates, a subset of those of all devices in any order; all where not given.
     f0 : float
@@ -65,7 +67,7 @@ class PowerSystemSimulator(Simulator):
         instants at which the grid changes must be multiples of it.
     effects : iterable of Effect, optional
         What could be added with `extend`; effects inside a unit name it as their device (`Effect.at`). The library of
-        each unit, measurement effects of the channels, and what may have been different in the event where not given.
+        each unit, measurement effects of the channels, and what may have been different in the events where not given.
     n_threads : int, optional
         Threads of the engine; the result does not depend on it.
     engine : {"compiled", "numpy"}
@@ -102,6 +104,7 @@ class PowerSystemSimulator(Simulator):
         loads: Iterable[LoadUnderTest] = (),
         channels: Mapping[str, int | tuple[int, int]],
         event: GridEvent,
+        further: Iterable[GridEvent] = (),
         parameters: ParameterSpace | None = None,
         f0: float = 60.0,
         step: float = 0.0025,
@@ -132,11 +135,9 @@ class PowerSystemSimulator(Simulator):
         self.units = ("pu",) * len(self.channels)
         devices = {item.model.name: item.model for item in self._items}
         if effects is None:
-            kinds = {
-                item.model.name: item.model.name if isinstance(item, Unit) else LOAD.name
-                for item in self._items
-            }
-            effects = grid_effects(kinds, self.channels, self.network, self.event)
+            units, loads = self.units_under_test, self.loads_under_test
+            kinds = {u.model.name: u.model.name for u in units} | {i.model.name: LOAD.name for i in loads}
+            effects = grid_effects(kinds, self.channels, self.network, (event, *further))
         self.effects = tuple(effects)
         inside = tuple(e for e in self.effects if e.kind in INSIDE)
         for effect in inside:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from errorscreen.discovery import Cause, CauseFinder, Gain, Group
 from errorscreen.events import Playback
 from errorscreen.observations import Observation
+from errorscreen.simulators import Simulator
 
 #: assumptions about a recording that doubt its unit, base or sign
 _DOUBT = re.compile(r"before the event is .*: check ")
@@ -35,7 +36,7 @@ def doubts(observations: Sequence[Observation]) -> list[str]:
 
 
 def advice(
-    finder: CauseFinder, gain: Gain | None, hints: Sequence[str] = (), *, judged: bool = True
+    finder: CauseFinder, gain: Gain | None, hints: Sequence[str] = (), *, refuted: bool = False
 ) -> list[str]:
     """What to check and what to measure next, in sentences.
 
@@ -47,14 +48,14 @@ def advice(
         None where nothing was held out, or nothing was named.
     hints : sequence of str
         See `doubts`. Calibrated parameters that leave only noise are not what a wrong base looks like.
-    judged : bool
-        Whether recordings were held out.
+    refuted : bool
+        Whether recordings that were held out contradict what was found.
     """
     kind, first = finder.verdict_.kind, finder.causes_[0]
     out = list(hints) if kind in ("unknown", "effect", "measurement") else []
     out += [_apart(group) for group in finder.groups_]
     if kind == "unknown":
-        out += _to_locate(finder, judged)
+        out += _to_locate(finder, refuted)
     elif first.event and kind == "effect":
         out.append(_about_the_event(first))
     elif kind in ("effect", "measurement") and gain is None:
@@ -71,7 +72,7 @@ def _apart(group: Group) -> str:
             f"{distance:.0f} standard deviations in all: fit that recording together with this one ({_TOGETHER})."
         )
     return (
-        f"{', '.join(group.names)} cannot be told apart from this recording: record an event of another depth or "
+        f"{', '.join(group.names)} cannot be told apart by this recording: record an event of another depth or "
         f"duration and fit it together with this one ({_TOGETHER})."
     )
 
@@ -83,25 +84,35 @@ def _about_the_event(cause: Cause) -> str:
     )
 
 
-def _to_locate(finder: CauseFinder, judged: bool) -> Iterator[str]:
+def _to_locate(finder: CauseFinder, refuted: bool) -> Iterator[str]:
     """Where something enters, and what would show what it is."""
-    ports = getattr(getattr(finder.simulator, "device", None), "ports", {})
     for place in finder.places_[:1]:
-        what = ports.get(place.place, place.place)
-        yield f"Something unknown enters at {place.place}: record the {what}, and whatever acts on it."
+        what = _ports(finder.simulator, place.device).get(place.place)
+        named = "" if what is None else f"the {what.removesuffix(' in pu')}, and "
+        yield f"Something unknown enters at {place.place} of the {place.device}: record {named}whatever acts on it."
     withdrawn = [cause for cause in finder.causes_ if cause.withdrawn]
     if withdrawn:
         yield (
             f"{withdrawn[0].title} was withdrawn, because recordings that were held out do not confirm it: fit one of "
             f"them together with this one ({_TOGETHER}), so that what is named has to explain both."
         )
-    elif finder.causes_[0].kind != "unknown" and judged:
+    elif refuted:
         yield (
             "What is wrong does not show in what was fitted: fit a recording that was held out together with this one "
             f"({_TOGETHER})."
         )
+    elif finder.causes_[0].kind != "unknown":
+        yield "Give the noise of the channels, or choose a window in which nothing else moves before the event."
     elif not finder.places_:
         yield (
             "No place is known at which something enters: record more quantities inside the unit, and another event "
             f"of it to fit together with this one ({_TOGETHER})."
         )
+
+
+def _ports(simulator: Simulator, device: str) -> Mapping[str, str]:
+    """Ports of a device and what they are, as far as that is described."""
+    under_test = (*getattr(simulator, "units_under_test", ()), *getattr(simulator, "loads_under_test", ()))
+    devices = {item.model.name: item.model for item in under_test}
+    found = devices.get(device, getattr(simulator, "device", None))
+    return {} if found is None else found.ports

@@ -57,7 +57,9 @@ def discover_causes(
         ``hypotheses``, ``first_look``, ``advice``, counts.
     """
     started = perf_counter()
-    looked = _first_look(simulator, observations[0], section, run, report) if section.first_look else []
+    looked, count = (
+        _first_look(simulator, observations[0], section, run, report) if section.first_look else ([], 0)
+    )
     finder = CauseFinder(
         simulator,
         section.effects,
@@ -70,8 +72,10 @@ def discover_causes(
         report=report,
         checkpoint=checkpoint,
     ).fit(list(observations))
+    kind = finder.verdict_.kind
     gain = finder.confirm(held_out) if held_out else None
-    if finder.verdict_.kind in ("effect", "measurement") and not held_out:
+    # errors of the event's record can be confirmed by no other event
+    if kind in ("effect", "measurement") and not held_out and not finder.causes_[0].event:
         finder.verdict_ = Verdict(
             finder.verdict_.kind,
             f"{finder.verdict_.text} No recording was held out, so the gain is not confirmed on another event.",
@@ -82,7 +86,8 @@ def discover_causes(
         "labels": [_label(finder, o) for o in everything],
         "gain": None if gain is None else asdict(gain),
         "first_look": looked,
-        "advice": advice(finder, gain, doubts(everything), judged=bool(held_out)),
+        "advice": advice(finder, gain, doubts(everything), refuted=finder.verdict_.kind != kind),
+        "n_simulations": finder.n_simulations_ + count,
         "seconds": perf_counter() - started,
     }
     return _responses(finder, everything), meta
@@ -142,7 +147,6 @@ def _told(finder: CauseFinder) -> dict[str, Any]:
             }
             for h in finder.hypotheses_
         ],
-        "n_simulations": finder.n_simulations_,
     }
 
 
@@ -160,8 +164,8 @@ def _first_look(
     section: DiscoverySection,
     run: RunSection,
     report: Callable[[str], None],
-) -> list[dict[str, Any]]:
-    """Contributions that a network reads off the error, the largest first."""
+) -> tuple[list[dict[str, Any]], int]:
+    """Contributions that a network reads off the error, the largest first, and the number of simulations."""
     import_network()  # what is missing must be told before the simulations, not after them
     report(f"first look: network trained on {section.first_look} samples")
     look = FirstLook(
@@ -173,7 +177,7 @@ def _first_look(
     ).fit(observation)
     found = dict(zip(look.names_, look.contributions_, strict=True))
     report("  " + ", ".join(look.ranking_[:3]))
-    return [
+    ranked = [
         {
             "name": name,
             "kind": "effect" if name in look.effects_ else "parameter",
@@ -181,6 +185,7 @@ def _first_look(
         }
         for name in look.ranking_
     ]
+    return ranked, look.dataset_.metadata["n_simulations"]
 
 
 def _cause(cause: Any, finder: CauseFinder) -> dict[str, Any]:

@@ -48,7 +48,8 @@ def observed_grid(
         raise InputError(error.what, where="grid.channels", allowed=error.allowed) from error
     for event, recording in zip(events, recordings, strict=True):
         _check_grid(simulator, event, recording)
-    simulator = grid.simulator(events[0], case.simulation.step)
+    first, *together = events[: 1 + len(case.together)]
+    simulator = grid.simulator(first, case.simulation.step, together)
     observed = []
     for event, note, recording in zip(events, notes, recordings, strict=True):
         observation = simulator.observe(recording, event)

@@ -5,14 +5,14 @@ import json
 import numpy as np
 import pytest
 
-from errorscreen.bench import discovery_study
+from errorscreen.bench import discovery_study, scenarios
 from errorscreen.bench.discovery import summarise
 from errorscreen.bench.discovery_output import by_size, power_figure
 from errorscreen.bench.hidden_effects import OTHER_FORMS, OUTSIDE
 from errorscreen.bench.plant_scenarios import draw_plant_scenario
 from errorscreen.bench.scenarios import MIX
 from errorscreen.cli import main
-from errorscreen.exceptions import InputError
+from errorscreen.exceptions import InputError, SimulationError
 from tests.plants import DEVICE_NAMES, dip, flat, plant, random_rows
 
 HIDDEN = [(d, e) for d in DEVICE_NAMES for e in (*(e for e, _ in OTHER_FORMS[d]), *OUTSIDE[d])]
@@ -68,6 +68,21 @@ def record(kind, outcome, probability=0.9, top=True, size=5.0, **more):
         "place": None, "probability": probability, "top_is_right": top, "held_out": held_out, "seconds": 1.0,
         "simulations": 10, **more,
     }  # fmt: skip
+
+
+def test_what_cannot_be_simulated_without_the_effect_is_drawn_again(monkeypatch):
+    sized, calls = scenarios.surviving, []
+
+    def fails_once(*arguments):
+        calls.append(1)
+        if len(calls) == 1:
+            raise SimulationError("diverged")
+        return sized(*arguments)
+
+    monkeypatch.setattr(scenarios, "surviving", fails_once)
+    hidden = draw_plant_scenario(0, 40.0, kind="effect", device="pv_plant")
+    assert len(calls) > 1
+    assert hidden.size >= 3.0
 
 
 def test_rates_count_what_they_say():

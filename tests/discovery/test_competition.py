@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from errorscreen.calibration import MAPCalibrator
+from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery.competition import Competition
 from errorscreen.discovery.hypotheses import parameters_only
 from errorscreen.discovery.signatures import SignatureSearch
@@ -15,7 +16,7 @@ TIME = np.arange(0.0, 60.0, 0.3)
 
 def competition(simulator, observation, **options):
     fitted = MAPCalibrator(simulator, random_state=0).fit(observation)
-    base = parameters_only(simulator, [observation], fitted.theta_, "converged")
+    base = parameters_only(FitProblem(simulator, observation), fitted.theta_, "converged")
     options = {"max_effects": 1, "n_fits": 6, "n_draws": 32, "significance": 0.002, "seed": 0} | options
     return Competition(base, tell=lambda line: None, **options)
 

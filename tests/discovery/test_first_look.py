@@ -36,6 +36,17 @@ def test_labels_of_an_effect_are_what_its_strength_changes():
     assert labels[row, 1] == pytest.approx(norm, rel=1e-9)
 
 
+def test_an_extended_model_is_looked_at_like_any_other():
+    extended = plant("synchronous_machine").extend("exciter")
+    data = effect_dataset(extended, 20, random_state=0)
+    m = len(extended.parameters)
+    assert "exciter" not in data.names
+    with_effect = int((data.theta[:, m:] != 0).any(axis=1).sum())
+    assert data.metadata["n_simulations"] == 20 * (m + 1) + with_effect
+    with pytest.raises(InputError, match="has been extended by exciter before"):
+        effect_dataset(extended, 20, effects=["exciter", "governor"])
+
+
 def test_the_same_seed_gives_the_same_samples_for_any_number_of_workers():
     one, two = (effect_dataset(MACHINE, 30, random_state=3, n_jobs=n) for n in (1, 2))
     assert np.array_equal(one.contributions, two.contributions, equal_nan=True)

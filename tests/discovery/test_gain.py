@@ -1,5 +1,7 @@
 """Gain on held-out events: identity, right extension, wrong extension, failure."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -62,6 +64,35 @@ def test_a_model_that_fails_gains_nothing(case):
     gain = measure_gain(old, old, broken, recordings)
     assert gain.gain == -np.inf
     assert not gain.holds
+
+
+def test_what_only_the_extended_model_can_simulate_is_a_gain(case):
+    old, true, wrong, recordings = case
+    space = old.parameters.replace({"Tj": {"lower": 1e-6, "nominal": 1e-6, "scale": 9.0}})
+    broken = plant("synchronous_machine", dip(stop=5.0), parameters=space)
+    gain = measure_gain(old, broken, true, recordings, placebo=wrong)
+    assert gain.gain == 1
+    assert gain.interval == (1, 1)
+    assert gain.recalibrated == np.inf
+    assert gain.holds  # a placebo tells nothing there
+
+
+def test_an_event_that_the_old_model_cannot_simulate_is_left_out(case, monkeypatch):
+    old, true, wrong, recordings = case
+    more = [*recordings, replace(recordings[0], event=replace(recordings[0].event, name="too much"))]
+    simulate = type(old).simulate
+
+    def fails(self, theta, event=None):
+        found = simulate(self, theta, event)
+        if event.name == "too much" and not self.extensions:
+            return replace(found, values=np.full_like(found.values, np.nan))
+        return found
+
+    expected = measure_gain(old, old, true, recordings, placebo=wrong)
+    monkeypatch.setattr(type(old), "simulate", fails)
+    gain = measure_gain(old, old, true, more, placebo=wrong)
+    assert (gain.gain, gain.interval, gain.placebo) == (expected.gain, expected.interval, expected.placebo)
+    assert gain.events[2].recalibrated == np.inf
 
 
 def test_no_recording_is_refused(case):

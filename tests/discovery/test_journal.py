@@ -1,10 +1,14 @@
 """An interrupted search goes on where it stopped, and finds the same."""
 
+import copy
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery import CauseFinder
+from errorscreen.discovery.hypotheses import candidates
 from errorscreen.discovery.journal import Journal
 from errorscreen.exceptions import InputError
 
@@ -60,6 +64,45 @@ def test_a_folder_of_another_search_is_refused(spring, tmp_path):
         finder(model, tmp_path, n_draws=16).fit(recording)
     with pytest.raises(InputError, match=r"belongs to another run: .*recordings differ"):
         finder(model, tmp_path).fit([recording, recording])
+
+
+def test_an_extended_model_is_searched_like_any_other(spring, tmp_path):
+    """What it has is not tried again, and belongs to no hypothesis, also when the search goes on."""
+    model, recording = spring
+    model = model.extend("velocity.coulomb(velocity)")
+    whole = finder(model).fit(recording)
+    with pytest.raises(KeyboardInterrupt):
+        finder(model, tmp_path, stops_at("other starts")).fit(recording)
+    again = finder(model, tmp_path).fit(recording)
+    assert [h.name for h in again.hypotheses_] == [h.name for h in whole.hypotheses_]
+    assert [[e.name for e in h.effects] for h in again.hypotheses_] == [
+        [e.name for e in h.effects] for h in whole.hypotheses_
+    ]
+    assert "velocity.coulomb(velocity)" not in [e.name for e in candidates(model, [recording])]
+    with pytest.raises(InputError, match=r"'velocity.coulomb\(velocity\)' has been added before"):
+        CauseFinder(model, ["velocity.coulomb(velocity)"]).fit(recording)
+
+
+def test_a_search_without_a_seed_cannot_go_on(spring, tmp_path):
+    model, recording = spring
+    with pytest.raises(InputError, match=r"without random_state.*random_state=0"):
+        CauseFinder(model, EFFECTS, checkpoint=tmp_path).fit(recording)
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_effect_of_the_same_name_with_other_bounds_is_another(spring, tmp_path):
+    model, recording = spring
+    with pytest.raises(KeyboardInterrupt):
+        finder(model, tmp_path, stops_at("joint fits")).fit(recording)
+    other = copy.copy(model)
+    other.effects = tuple(
+        replace(e, parameters=tuple(replace(p, upper=2 * p.upper) for p in e.parameters))
+        if e.name == "offset_position"
+        else e
+        for e in model.effects
+    )
+    with pytest.raises(InputError, match=r"belongs to another run: effects differ"):
+        finder(other, tmp_path).fit(recording)
 
 
 def test_without_a_folder_nothing_is_kept():

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from errorscreen.bench.plant_scenarios import draw_plant_scenario
+from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery import CauseFinder
 from errorscreen.discovery.hypotheses import parameters_only
 from errorscreen.discovery.latent import probabilities_of, rank_places, waveform
@@ -54,7 +55,7 @@ def test_what_no_signal_explains_has_no_place():
     hidden = draw_plant_scenario(1, 40.0, kind="nothing", device="pv_plant")
     tone = np.sin(2 * np.pi * 25.0 * hidden.recordings[0].time)
     recordings = [replace(o, values=o.values + 20 * np.outer(o.noise, tone)) for o in hidden.recordings]
-    base = parameters_only(hidden.simulator, recordings, hidden.theta, "converged")
+    base = parameters_only(FitProblem(hidden.simulator, recordings), hidden.theta, "converged")
     assert base.chi2_per_sample > 50
     places, count = rank_places(base)
     assert places == []

@@ -32,3 +32,22 @@ def test_a_response_in_which_something_else_happens_is_no_uncertainty(monkeypatc
     monkeypatch.setattr(injection_noise, "_ANOTHER", np.inf)
     _, explains_anything = on_the_edge()
     assert np.abs(explains_anything.modes[..., after]).max() > 0.3
+
+
+def test_noise_was_estimated_without_the_effects_that_are_tried_later():
+    """A lag hides the noise of the voltage; what has been counted without it is not counted again."""
+    event = replace(dip(), noise={"V": 5e-3})
+    old = plant("pv_plant", event)
+    values = old.baseline()
+    observation = Observation(event, values, np.full(2, 1e-3), old.channels, old.units)
+    extended = old.extend("lag_P")
+    off = extended.parameters.nominal
+    off[extended.parameters.index("lag_P.T")] = 0.0
+    before = observation.time < 0.9
+    expected = old.quantified(observation, old.parameters.nominal).extra[0, before]
+    found = extended.quantified(observation, off, off).extra[0, before]
+    twice = extended.quantified(observation, off).extra[
+        0, before
+    ]  # as if it had been estimated behind the lag
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+    assert twice.mean() > 1.5 * max(expected.mean(), 1e-6)

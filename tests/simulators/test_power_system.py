@@ -258,6 +258,17 @@ def test_event_effects_are_other_events():
     assert abs(opened[1, -1]) < 1e-9  # nothing arrives over a branch that is open
 
 
+def test_records_of_further_events_may_be_wrong_as_well():
+    def of_events(system):
+        return {e.name for e in system.effects if e.kind == "event"}
+
+    step, fault = LoadStep(TIME, "step", 0.5, factor=1.1), replace(FAULT, name="other", bus=5)
+    assert of_events(system(step)) == set()
+    found = of_events(system(step, further=[FAULT, fault]))
+    assert found == {"fault_duration", "fault_impedance", "trip_2_3", "trip_3_4", "trip_4_5", "trip_5_1"}
+    assert found == of_events(system(FAULT)) | of_events(system(fault))
+
+
 def test_a_fault_of_estimated_duration_acts_smoothly():
     """Also where it ends between two steps: differences over a third of a step agree with those over four steps."""
     extended = SYSTEM.extend("fault_duration")

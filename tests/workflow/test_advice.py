@@ -6,6 +6,7 @@ import pytest
 
 from errorscreen.cases.demo import demo_recordings
 from errorscreen.discovery import Cause, Group, Place
+from errorscreen.power import DEVICES
 from errorscreen.recordings import Recording
 from errorscreen.simulators import PlantSimulator
 from errorscreen.workflow.advice import advice, doubts
@@ -40,7 +41,10 @@ def test_doubts_come_first_unless_parameters_suffice():
 
 
 def test_what_is_unknown_always_has_an_advice():
-    assert "enters at Efd: record the field voltage" in told(finder("unknown", UNKNOWN, places=[PLACE]), None)
+    text = told(finder("unknown", UNKNOWN, places=[PLACE]), None)
+    assert (
+        "enters at Efd of the synchronous_machine: record the field voltage, and whatever acts on it" in text
+    )
     assert "No place is known" in told(finder("unknown", UNKNOWN), None)
     gone = replace(EXCITER, withdrawn=True, probability=0.0)
     text = told(finder("unknown", UNKNOWN, gone, places=[PLACE]), None)
@@ -48,8 +52,21 @@ def test_what_is_unknown_always_has_an_advice():
     assert "Excitation control was withdrawn" in text
     # parameters that suffice for what was fitted, but not for what was held out
     parameters = Cause("parameters", "Parameters", "parameters", 0.9, "", {}, 0.0, True)
-    assert "does not show in what was fitted" in told(finder("unknown", parameters), None)
-    assert "No place is known" in told(finder("unknown", parameters), None, judged=False)
+    assert "does not show in what was fitted" in told(finder("unknown", parameters), None, refuted=True)
+    # parameters that leave less than what was taken for noise
+    assert told(finder("unknown", parameters), None).startswith("Give the noise of the channels")
+
+
+def test_ports_of_a_grid_are_those_of_the_unit_and_own_equations_have_none_described():
+    place = replace(PLACE, device="pv_plant", place="Ip_cmd")
+    unit = SimpleNamespace(model=DEVICES["pv_plant"])
+    grid = finder("unknown", UNKNOWN, places=[place])
+    grid.simulator = SimpleNamespace(units_under_test=[unit], loads_under_test=[])
+    what = DEVICES["pv_plant"].ports["Ip_cmd"].removesuffix(" in pu")
+    assert f"enters at Ip_cmd of the pv_plant: record the {what}, and" in told(grid, None)
+    own = finder("unknown", UNKNOWN, places=[replace(PLACE, device="model", place="the equation of level")])
+    own.simulator = SimpleNamespace()
+    assert "at the equation of level of the model: record whatever acts on it." in told(own, None)
 
 
 def test_what_was_named_is_confirmed_by_another_event_unless_it_is_about_one():
