@@ -27,13 +27,13 @@ def table(results):
             lines.append(f"| {result['noise_db']:g} dB | {size} | {b['n']} | {shares} |")
     lines += [
         "",
-        "| noise | nothing hidden: something reported | two effects: both named | outside: unknown, right device |",
+        "| noise | nothing hidden: something reported | two effects: both named | outside: unknown, right port |",
     ]
     lines.append("|---|---|---|---|")
     for result in results:
         rates = result["rates"]
         cells = [_of(rates["false_alarm"]), _of(rates["both_found"])]
-        cells.append(f"{_of(rates['outside_unknown'])}, {_of(rates['outside_place'])}")
+        cells.append(f"{_of(rates['outside_unknown'])}, {_of(rates['outside_port'])}")
         lines.append(f"| {result['noise_db']:g} dB | {' | '.join(cells)} |")
     first = results[0]
     return "\n".join(lines) + (
