@@ -281,7 +281,7 @@ def test_interrupt_keeps_what_was_finished(tmp_path):
     time.sleep(1.0)
     process.send_signal(signal.SIGINT)
     _, error = process.communicate(timeout=60)
-    assert process.returncode == 130
+    assert process.returncode == 130, error
     assert b"give the same command again" in error
     assert b"Traceback" not in error
     assert len(list(stages.glob("*/screening-sensitivity.npz"))) == 1
