@@ -177,7 +177,7 @@ def draw_scenario(
             continue
         n = setup.n_fit
         try:
-            sizes = _sizes(setup, truth, simulator, effects, theta, own, observations[:n], responses)
+            sizes = _sizes(setup, truth, simulator, effects, theta, own, observations[:n], responses[:n])
         except SimulationError:  # what cannot be simulated without an effect says nothing about its size
             continue
         if effects and not min(sizes) >= least:
@@ -220,7 +220,7 @@ def _sizes(
         without = values.copy()
         without[len(theta) + sum(map(len, own[:k]))] = 0.0
         change = []
-        for event, response in zip(setup.events[: setup.n_fit], responses, strict=False):
+        for event, response in zip(setup.events[: setup.n_fit], responses, strict=True):
             found = truth.simulate(without, event).require_ok("the truth without an effect")
             change.append(response - found.values[0][:, :: setup.every])
         beside, known = simulator, [theta]  # the parameters of the other effects can make up for it too

@@ -76,16 +76,9 @@ def effect_dataset(
     """
     check_integer(n_samples, "n_samples")
     check_real(share, "share", low=0.0, high=1.0)
-    named = simulator.effects_named(effects)
-    chosen = [effect for effect in named if simulator.accepts(effect)]
-    if not chosen or (effects is not None and len(chosen) < len(named)):
-        had = ", ".join(effect.name for effect in named if effect not in chosen)
-        raise InputError(
-            f"{simulator!r} has no effects to add"
-            if not had
-            else f"{simulator!r} has been extended by {had} before",
-            allowed="at least one effect, none of which it has",
-        )
+    chosen = simulator.addable(simulator.effects_named(effects), asked=effects is not None)
+    if not chosen:
+        raise InputError(f"{simulator!r} has no effects to add", allowed="at least one effect")
     event = simulator.event if event is None else event
     rng = generator(random_state)
     data = generate_dataset(

@@ -124,7 +124,7 @@ def measure_gain(
     squares = [_squares(model, observations) for model in (baseline, recalibrated, extended)]
     totals = [[float(row.sum()) for row in rows] for rows in squares]
     counts = [int(o.mask.sum()) for o in observations]
-    compared = [e for e, total in enumerate(totals[1]) if np.isfinite(total)] or list(range(len(totals[1])))
+    compared = [e for e, total in enumerate(totals[1]) if np.isfinite(total)] or range(len(observations))
     gain = _gain(*(sum(totals[k][e] for e in compared) for k in (1, 2)))
     draws = np.empty(_RESAMPLED)
     widths = [max(1, round(_BLOCK / o.event.dt)) for o in observations]

@@ -23,7 +23,6 @@ from errorscreen.calibration.problem import FitProblem
 from errorscreen.calibration.search import BoundedSearch
 from errorscreen.effects.base import Effect
 from errorscreen.events import Event
-from errorscreen.exceptions import InputError
 from errorscreen.observations import Observation
 from errorscreen.simulators.base import Simulator
 
@@ -242,15 +241,7 @@ def candidates(
         found += [effect.during(name) for name in happened]
         if effect.kind == "event" and len(happened) > 1:
             found.append(effect)
-    new = [effect for effect in found if simulator.accepts(effect)]
-    had = {effect.original for effect in found} - {effect.original for effect in new}
-    if names is not None and had:
-        raise InputError(
-            f"the effect {min(had)!r} has been added before",
-            where=repr(simulator),
-            allowed="any other effect",
-        )
-    return new
+    return simulator.addable(found, asked=names is not None)
 
 
 def _applies(effect: Effect, event: Event) -> bool:

@@ -159,17 +159,34 @@ class Simulator(ABC):
         added = library[name]
         if recording:
             added = added.during(recording, rename=wanted != name)
-        if not self.accepts(added):
-            raise InputError(f"the effect {wanted!r} has been added before", where=repr(self))
+        self.addable([added], asked=True)
         space = ParameterSpace(added.parameters).replace(options)
         extended = copy.copy(self)
         extended.parameters = self.parameters.extend(replace(p, name=added.local(p.name)) for p in space)
         extended.extensions = (*self.extensions, added)
         return extended
 
-    def accepts(self, effect: Effect) -> bool:
-        """Whether an effect can be added beside those that have been."""
-        return not any(other.clashes_with(effect) for other in self.extensions)
+    def addable(self, effects: Iterable[Effect], *, asked: bool) -> list[Effect]:
+        """Effects that can be added beside those that have been.
+
+        Parameters
+        ----------
+        effects : iterable of Effect
+        asked : bool
+            Whether each was asked for, so that it must not be left out.
+
+        Raises
+        ------
+        InputError
+            If one that was asked for has been added before, for each recording.
+        """
+        effects = list(effects)
+        new = [e for e in effects if not any(other.clashes_with(e) for other in self.extensions)]
+        left = {e.original for e in new}
+        had = [e.name for e in effects if e.original not in left]
+        if asked and had:
+            raise InputError(f"the effect {had[0]!r} has been added before", where=repr(self))
+        return new
 
     def effects_named(self, names: Iterable[str] | None) -> list[Effect]:
         """Effects of the library by name; all but unknown signals where no names are given.

@@ -43,7 +43,7 @@ def test_an_extended_model_is_looked_at_like_any_other():
     assert "exciter" not in data.names
     with_effect = int((data.theta[:, m:] != 0).any(axis=1).sum())
     assert data.metadata["n_simulations"] == 20 * (m + 1) + with_effect
-    with pytest.raises(InputError, match="has been extended by exciter before"):
+    with pytest.raises(InputError, match="'exciter' has been added before"):
         effect_dataset(extended, 20, effects=["exciter", "governor"])
 
 
