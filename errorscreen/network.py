@@ -131,9 +131,20 @@ class Progress(Callback):
         del self.bar_
 
 
-def wrap_network(network: nn.Module, *, device: str, batch_size: int) -> NeuralNet:
+class Net(NeuralNet):
+    """Net that knows whether its training came to its end: skorch keeps quiet about an interrupted one."""
+
+    def fit_loop(self, X: Any, y: Any = None, epochs: int | None = None, **parameters: Any) -> Net:
+        """Train; an interrupt, also that of early stopping, leaves `completed_` false."""
+        self.completed_ = False
+        super().fit_loop(X, y, epochs, **parameters)
+        self.completed_ = True
+        return self
+
+
+def wrap_network(network: nn.Module, *, device: str, batch_size: int) -> Net:
     """Hold a network in a skorch net that can predict and be trained on."""
-    return NeuralNet(network, nn.HuberLoss, device=device, batch_size=batch_size, train_split=None, verbose=0)
+    return Net(network, nn.HuberLoss, device=device, batch_size=batch_size, train_split=None, verbose=0)
 
 
 def read_weights(net: NeuralNet) -> dict[str, NDArray[Any]]:
@@ -152,7 +163,7 @@ def load_weights(net: NeuralNet, weights: Mapping[str, NDArray[Any]]) -> None:
 
 
 def train_network(
-    net: NeuralNet,
+    net: Net,
     X: NDArray[Any],
     y: NDArray[Any],
     *,
@@ -199,8 +210,7 @@ def train_network(
         + [("progress", Progress())] * progress,
     )
     net.fit(np.require(X, requirements="W"), y)  # torch warns of arrays that it could not write to
-    finished = len(net.history) == max_epochs and "train_loss" in net.history[-1]
-    if not (finished or (watched and stopping.misses_ == patience)):
+    if not (net.completed_ or (watched and stopping.misses_ == patience)):
         raise KeyboardInterrupt
     if not math.isfinite(net.history[-1]["train_loss"]):
         raise InputError("the training diverged: its loss is not finite", remedy="Lower lr")

@@ -209,11 +209,12 @@ def test_a_progress_bar_shows_each_epoch(capsys):
     pickle.dumps(model)
 
 
-def test_an_interrupt_by_the_user_is_not_taken_for_the_end_of_the_training(monkeypatch):
+@pytest.mark.parametrize("epoch", [2, 3], ids=["within", "while the last one is judged"])
+def test_an_interrupt_by_the_user_is_not_taken_for_the_end_of_the_training(epoch, monkeypatch):
     images, labels = blobs(13, n=20)
 
     def interrupt(self, net, **_):
-        if len(net.history) == 2:
+        if len(net.history) == epoch:
             raise KeyboardInterrupt
 
     monkeypatch.setattr(network.Progress, "on_epoch_end", interrupt)
