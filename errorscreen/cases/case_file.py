@@ -212,11 +212,12 @@ def case_reference() -> str:
     lines = []
     for title, model in _sections():
         lines += [f"### `{title}`", "", f"{(model.__doc__ or '').strip().splitlines()[0]}", ""]
-        lines += ["| key | default | meaning |", "|---|---|---|"]
+        lines += ["| key | default | allowed | meaning |", "|---|---|---|---|"]
+        schemas = model.model_json_schema()["properties"]
         for key, field in model.model_fields.items():
             if field.description and _nested(field.annotation) is None:
                 default = "required" if field.is_required() else f"`{_toml(field.default)}`"
-                lines.append(f"| `{key}` | {default} | {field.description} |")
+                lines.append(f"| `{key}` | {default} | {_allowed(schemas[key])} | {field.description} |")
         lines.append("")
     return "\n".join(lines)
 
@@ -330,6 +331,18 @@ def _sections(model: type[BaseModel] = Case, title: str = "") -> list[tuple[str,
             heading = f"{title}{key}" + (".NAME" if get_origin(field.annotation) is dict else "")
             found += [(f"[{heading}]", inner), *_sections(inner, f"{heading}.")]
     return found
+
+
+def _allowed(schema: dict[str, Any]) -> str:
+    """Choices or range of a key, from its JSON schema; nothing where its type says all."""
+    signs = {"minimum": "≥", "exclusiveMinimum": ">", "maximum": "≤", "exclusiveMaximum": "<"}
+    for part in (schema, schema.get("items", {}), *schema.get("anyOf", ())):
+        if "enum" in part:
+            return ", ".join(f"`{_toml(value)}`" for value in part["enum"])
+        limits = [f"{sign} {part[key]:g}" for key, sign in signs.items() if key in part]
+        if limits:
+            return " and ".join(limits)
+    return ""
 
 
 def _toml(value: Any) -> str:

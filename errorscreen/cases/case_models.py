@@ -128,10 +128,13 @@ class ScreeningSection(Section):
     """How the parameters that carry the error are found."""
 
     methods: list[Literal["cnn", "sensitivity", "random"]] = Field(
-        default=["cnn", "sensitivity", "random"], min_length=1, description="rankers; the first one selects"
+        default=["cnn", "sensitivity", "random"],
+        min_length=1,
+        description="rankers; `pso` calibrates what each of them selects",
     )
     samples: Annotated[int, Field(ge=_LEAST_SAMPLES)] = Field(
-        default=600, description="cnn: simulations it learns from"
+        default=600,
+        description="cnn: labelled errors it learns from; each costs a simulation for every parameter and one more",
     )
     epochs: Count = Field(default=60, description="cnn: most passes over them")
     frequencies: Annotated[int, Field(ge=8)] = Field(
@@ -156,7 +159,7 @@ class CalibrationSection(Section):
     """How the selected parameters are fitted."""
 
     methods: list[Literal["map", "pso"]] = Field(
-        default=["map", "pso"], min_length=1, description="calibrators; the report judges by the first one"
+        default=["map", "pso"], min_length=1, description="calibrators; the diagnosis shows the first one"
     )
     prior_scale: Positive = Field(default=0.3, description="map: relative standard deviation of the prior")
     starts: Count = Field(default=8, description="map: number of starts")
@@ -197,6 +200,7 @@ class DiscoverySection(Section):
     draws: Annotated[int, Field(ge=8)] = Field(
         default=128, description="draws of an effect's parameters in each round of its signature"
     )
+    starts: Count = Field(default=4, description="starts of the fit without effects")
     significance: Annotated[float, Field(ge=0.001, lt=1)] = Field(
         default=0.002,
         description="probability below which what is left counts as more than noise; the draws of the test tell none "
@@ -229,7 +233,9 @@ class RunSection(Section):
     """How the computation is run."""
 
     random_state: Annotated[int, Field(ge=0)] = Field(default=0, description="seed of all random numbers")
-    n_jobs: int = Field(default=1, description="processes; -1 for one on each core")
+    n_jobs: int = Field(
+        default=1, description="processes that simulate what the network learns from; -1 for one on each core"
+    )
     out: str | None = Field(
         default=None,
         description="folder for results, relative to the case file; those of `errorscreen diagnose` lie in its folder "

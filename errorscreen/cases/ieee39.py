@@ -56,7 +56,7 @@ def load_ieee39(**options: Any) -> PowerSystemSimulator:
     Parameters
     ----------
     **options
-        Of `PowerSystemSimulator`: channels, event, further, parameters, step, n_threads, engine.
+        Of `PowerSystemSimulator`: channels, loads, event, further, parameters, effects, step, n_threads, engine.
 
     Returns
     -------

@@ -175,7 +175,7 @@ class CalibrationMethod(Part):
     """Result of one calibrator."""
 
     method: str
-    label: str = Field(description="for tables, for example 'map, all parameters'")
+    label: str = Field(description="for tables, for example 'map on all'")
     parameters: list[ParameterResult] = Field(description="those that were calibrated")
     fits: list[MethodFit]
     groups: list[list[str]] = Field(default=[], description="determined only together")
@@ -188,7 +188,10 @@ class CalibrationMethod(Part):
 
 
 class Calibration(Part):
-    """Calibrated models; the first method is the one that diagnosis and verdict refer to."""
+    """Calibrated models; the diagnosis shows the first one.
+
+    The verdict is that of bounded least squares on all parameters, or of the search for causes.
+    """
 
     methods: list[CalibrationMethod]
 

@@ -93,7 +93,7 @@ class ODESimulator(Simulator):
     interpolation : {"linear", "hold", "cubic", "bandlimited"}
         How inputs go on between their samples.
     templates : iterable of str, optional
-        Effects to offer, keys of `errorscreen.effects.generic.TEMPLATES`; all where not given.
+        Effects to offer beside errors of outputs: keys of `errorscreen.effects.generic.TEMPLATES` but ``"latent"``.
     effects : iterable of Effect, optional
         The library itself, instead of `templates`.
     compile : bool

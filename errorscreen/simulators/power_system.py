@@ -78,7 +78,7 @@ class PowerSystemSimulator(Simulator):
     A machine at bus 1 feeds a PV plant's bus; its load rises by a tenth:
 
     >>> from errorscreen.events import LoadStep
-    >>> from errorscreen.power.elements import Branch, Bus, Generator, Load
+    >>> from errorscreen.power import Branch, Bus, Generator, Load, Network
     >>> grid = Network(
     ...     (Bus(1), Bus(2)), (Branch(1, 2, 0.0, 0.1),), slack=1, loads=(Load(2, 1.5),),
     ...     generators=(Generator(1, v=1.0), Generator(2, p=0.7, v=1.0)),

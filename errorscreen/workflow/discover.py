@@ -67,6 +67,7 @@ def discover_causes(
         n_fits=section.fits,
         n_draws=section.draws,
         significance=section.significance,
+        n_starts=section.starts,
         events=[o.event for o in held_out],
         random_state=run.random_state,
         report=report,
