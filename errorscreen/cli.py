@@ -158,8 +158,12 @@ def _parser() -> argparse.ArgumentParser:
     )
     found.add_argument("--jobs", type=int, default=-1, help="processes (default: one for each core)")
     found.set_defaults(command=_bench_discovery, default_out="errorscreen-discovery", interrupted=resumable)
+    elsewhere = {run: "CASE-results here", diagnose: "CASE-diagnosis here"}
     for command in (demo, run, diagnose, speed, paper, found):
-        command.add_argument("--out", metavar="DIR", help="folder for result.json and the report")
+        default = command.get_default("default_out") or f"as the case file says, or {elsewhere[command]}"
+        command.add_argument(
+            "--out", metavar="DIR", help=f"folder for result.json and the report (default: {default})"
+        )
     for command in (demo, run, diagnose, paper, found):
         command.add_argument("--fresh", action="store_true", help="forget the stages of earlier runs in DIR")
         command.add_argument("--quiet", action="store_true", help="no progress")
