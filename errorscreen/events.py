@@ -170,8 +170,9 @@ class BusFault(GridEvent):
         Seconds until it is cleared.
     impedance : complex
         To ground, in pu of the grid's base; 0 is a bolted fault.
-    opened : (int, int, float), optional
-        Buses of a branch that clearing opens, and the share of its admittance that is taken out of service.
+    opened : tuple of (int, int, float, str or None)
+        Branches that clearing opens: their buses, the share of the admittance that is taken out of service, and the
+        circuit where there are several.
 
     Examples
     --------
@@ -183,21 +184,19 @@ class BusFault(GridEvent):
     bus: int = field(kw_only=True)
     duration: float = field(default=0.1, kw_only=True)
     impedance: complex = field(default=0.0, kw_only=True)
-    opened: tuple[int, int, float] | None = field(default=None, kw_only=True)
+    opened: tuple[tuple[int, int, float, str | None], ...] = field(default=(), kw_only=True)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_real(self.duration, "the duration", low=0, above=True, where=self.name)
-        if self.opened is not None:
-            check_real(self.opened[2], "the opened share", low=0, high=1, where=self.name)
+        for _, _, share, _ in self.opened:
+            check_real(share, "the opened share", low=0, high=1, where=self.name)
 
     def changes(self, network: Any) -> tuple[tuple[float, Any], ...]:
         """Grid with the fault, and without it again."""
-        after = (
-            network
-            if self.opened is None
-            else network.with_branch_share(*self.opened[:2], 1 - self.opened[2])
-        )
+        after = network
+        for bus, other, share, circuit in self.opened:
+            after = after.with_branch_share(bus, other, 1 - share, circuit)
         return (
             (self.start, network.with_fault(self.bus, self.impedance)),
             (self.start + self.duration, after),

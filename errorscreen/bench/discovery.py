@@ -22,7 +22,7 @@ from errorscreen.bench.grid_scenarios import draw_grid_scenario
 from errorscreen.bench.plant_scenarios import draw_plant_scenario
 from errorscreen.bench.scenarios import LEAST_SIZE, MIX, Scenario
 from errorscreen.bench.timing import machine
-from errorscreen.bench.trap_scenarios import draw_trap_scenario
+from errorscreen.bench.trap_scenarios import TRAP_MIX, draw_trap_scenario
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.checkpoint import Checkpoint, digest
 from errorscreen.discovery import CauseFinder
@@ -70,8 +70,9 @@ def discovery_study(
     """Search hidden scenarios, write result, table and figures into ``out``, and return the result.
 
     A scenario hides deviating parameters and, by the shares of `MIX`, nothing else, an effect of the library, two of
-    them, one in another functional form, an effect that the library does not hold, or a measurement fault. The truth
-    has a tenth of the fitted model's step and noise of its own. `CauseFinder` sees what is to be fitted.
+    them, one in another functional form, an effect that the library does not hold, or a measurement fault; a trap hides
+    nothing or one effect, by `TRAP_MIX`. The truth has a tenth of the fitted model's step or less, and noise of its
+    own. `CauseFinder` sees what is to be fitted.
     What is finished stays in ``out/stages``: the same call goes on from there.
 
     Parameters
@@ -97,8 +98,10 @@ def discovery_study(
     dict
         ``scenarios``, each with its truth, verdict, causes and held-out errors; ``rates``: ``correct``, ``wrong`` and
         ``unknown`` of the scenarios that hide one effect of the library or a measurement fault, ``false_alarm`` where
-        nothing is hidden, ``outside_unknown`` and ``outside_place`` of effects outside the library, ``both_found`` of
-        two effects, each ``{value, interval, n}``; ``held_out_ratio_median``, error of the extended over that of the
+        nothing is hidden, ``missed`` where parameters were said to explain an effect, ``outside_unknown``,
+        ``outside_place`` (right device) and ``outside_port`` of effects outside the library, ``both_found`` and
+        ``both_wrong`` of two effects, each ``{value, interval, n}``; ``by_kind`` and ``by_device``, how many had which
+        outcome; ``held_out_ratio_median``, error of the extended over that of the
         recalibrated model against the true response where the cause was named rightly; ``true_structure_ratio_median``,
         the same over a fit of the true structure; ``expected_calibration_error`` and ``reliability``.
 
@@ -115,12 +118,12 @@ def discovery_study(
     least_size = check_real(least_size, "the least size", low=0.0)
     if n_jobs == 0:
         raise InputError("the number of jobs is 0", allowed="None, a positive number, or -1 for all cores")
-    started = perf_counter()
+    started, mix = perf_counter(), TRAP_MIX if case == "traps" else MIX
     fingerprint = {
         "version": digest(__version__),
         "case": digest(case),
         "seed, noise and size": digest(seed, noise_db, least_size),
-        "mix": digest(MIX),
+        "mix": digest(mix),
     }
     store = Checkpoint(Path(out) / "stages", fingerprint)
     records = {i: _unpack(found) for i, found in store.load(range(scenarios)).items()}
@@ -144,7 +147,7 @@ def discovery_study(
         "seed": seed,
         "noise_db": noise_db,
         "least_size": least_size,
-        "mix": dict(MIX),
+        "mix": dict(mix),
         "scenarios": rows,
         **summarise(rows),
         "seconds": perf_counter() - started,
@@ -154,12 +157,14 @@ def discovery_study(
     return result
 
 
-def run_scenario(case: str, seed: int, number: int, noise_db: float, least_size: float) -> _Record:
-    """Draw one scenario, search it, and judge what was found."""
+def run_scenario(
+    case: str, seed: int, number: int, noise_db: float, least_size: float, kind: str | None = None
+) -> _Record:
+    """Draw one scenario, of a kind if it is given, search it, and judge what was found."""
     streams = np.random.SeedSequence(seed, spawn_key=(number,)).spawn(2)
     with warnings.catch_warnings():  # of recordings that look odd, which is meant
         warnings.simplefilter("ignore", DataWarning)
-        hidden = CASES[case](streams[0], noise_db, least_size=least_size)
+        hidden = CASES[case](streams[0], noise_db, kind=kind, least_size=least_size)
         started = perf_counter()
         finder = CauseFinder(hidden.simulator, random_state=int(streams[1].generate_state(1)[0]))
         finder.fit(list(hidden.recordings))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
+from itertools import cycle, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -128,7 +128,7 @@ def power_figure(*results: dict[str, Any]) -> Figure:
     """Share of effects named rightly over their size, a line for each result: they differ in the noise."""
     figure = figure_of(6.0, 4.0)
     axes = figure.subplots()
-    for result, color in zip(results, COLOURS[1:], strict=False):
+    for result, color in zip(results, cycle(COLOURS[1:]), strict=False):
         bins = by_size(result)
         at, shares = [b["median"] for b in bins], [b["correct"] for b in bins]
         axes.plot(at, shares, "o-", color=color, label=f"{result['noise_db']:g} dB")

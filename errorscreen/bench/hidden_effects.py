@@ -4,13 +4,13 @@ Models that are fitted never see these equations. Other forms are right if they 
 
 .. math::
 
-    e &= V_0 - V,\quad E_{fd} = E_{fd0} + \big[K e + K_I\textstyle\int e\,dt\big]_{low}^{high}\ \text{lagged}  & (H1)\\
+    e &= V_0 - V,\quad E_{fd} = E_{fd0} + \big[K(e + K_I\textstyle\int e\,dt)\big]_{low}^{high}\ \text{lagged} & (H1)\\
     e &= -(\omega - 1)\ \text{if}\ |\omega - 1| > d\ \text{else}\ 0                                             & (H2)\\
     S(E) &= A\,E^{n} - A\,E_0^{n}                                                                            & (H3)\\
     \big(1 + \tfrac{T}{3}\tfrac{d}{dt}\big)^3 y &= u                                                            & (H4)
 
-an exciter with a proportional-integral regulator, a governor whose dead band has a step at its edge, an exponential
-saturation, and three equal lags in series. Outside of the library:
+an exciter with a proportional-integral regulator, a governor whose dead band has a step at its edge, a saturation
+by a power of the voltage, and three equal lags in series. Outside of the library:
 
 .. math::
 
@@ -24,6 +24,7 @@ capacitor bank), and a reaction to the square of the voltage.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -53,7 +54,7 @@ def stepped_governor(
     return value + 0.3 * gate + 0.7 * x, hold_at_limits(g, (K * e - g) / T1, low, high), (gate - x) / T3
 
 
-def exponential_saturation(value: Any, Eq1: Any, S0: Any, A: Any) -> Any:
+def power_saturation(value: Any, Eq1: Any, S0: Any, A: Any) -> Any:
     """Saturation of a power of the voltage, (H3)."""
     E2 = Eq1 * Eq1
     return (value - (A * E2 * E2 * E2 - S0),)
@@ -118,6 +119,13 @@ def _switched(name: str, title: str, port: str, size: float) -> Effect:
     return Effect(name, title, port, switched, parameters, states=("t",))
 
 
+def _three_lags(kind: str, port: str, start: Callable[[Values, float], Values]) -> Effect:
+    states = ("x", "y", "z")
+    return Effect(
+        f"three_lags_{kind}", "Three lags", port, three_lags, (_s("T", 0.3),), states=states, initialise=start
+    )
+
+
 #: by device: effect in another form, and the name of the library that is right
 OTHER_FORMS: dict[str, tuple[tuple[Effect, str], ...]] = {
     "synchronous_machine": (
@@ -127,20 +135,16 @@ OTHER_FORMS: dict[str, tuple[tuple[Effect, str], ...]] = {
         (Effect("stepped_governor", "Governor, dead band with step", "Pm", stepped_governor,
                 (_s("K", 40.0), _v("db", 0.0, 0.002), _v("T1", 0.1, 0.8), _v("T3", 1.0, 10.0)),
                 states=("g", "x")), "governor"),
-        (Effect("exponential_saturation", "Exponential saturation", "Efd", exponential_saturation, (_s("A", 0.4),),
+        (Effect("power_saturation", "Saturation by a power", "Efd", power_saturation, (_s("A", 0.4),),
                 derived=("S0",), initialise=_start_saturation), "saturation"),
     ),
     "dfig_plant": (
-        (Effect("three_lags_active", "Three lags", "Ip_cmd", three_lags, (_s("T", 0.3),), states=("x", "y", "z"),
-                initialise=_start_active), "lag_active"),
-        (Effect("three_lags_reactive", "Three lags", "Qcmd", three_lags, (_s("T", 0.3),), states=("x", "y", "z"),
-                initialise=_start_Q), "lag_reactive"),
+        (_three_lags("active", "Ip_cmd", _start_active), "lag_active"),
+        (_three_lags("reactive", "Qcmd", _start_Q), "lag_reactive"),
     ),
     "pv_plant": (
-        (Effect("three_lags_active", "Three lags", "Ip_cmd", three_lags, (_s("T", 0.3),), states=("x", "y", "z"),
-                initialise=_start_active), "lag_active"),
-        (Effect("three_lags_reactive", "Three lags", "Iq_cmd", three_lags, (_s("T", 0.3),), states=("x", "y", "z"),
-                initialise=_start_reactive), "lag_reactive"),
+        (_three_lags("active", "Ip_cmd", _start_active), "lag_active"),
+        (_three_lags("reactive", "Iq_cmd", _start_reactive), "lag_reactive"),
     ),
 }  # fmt: skip
 

@@ -144,7 +144,8 @@ def paper_study(
     if noise_db is not None:
         noise_db = check_real(noise_db, "noise_db", low=0.0, high=100.0)
     import_network()
-    out, effort = Path(out), effort_of(network) if effort is None else effort
+    usual = effort_of(network)
+    out, effort = Path(out), usual if effort is None else effort
     setting = Setting(seed, noise_db, effort)
     started = perf_counter()
     fingerprint = {
@@ -162,8 +163,8 @@ def paper_study(
     store = Checkpoint(out / "stages" / "draws", fingerprint)
     done = store.load(range(draws))
     report(f"{draws} draws" + (f", {len(done)} of them finished before" if done else ""))
-    tasks = (delayed(run_draw)(setting, i, step_errors, read[i]) for i in range(draws) if i not in done)
     missing = [i for i in range(draws) if i not in done]
+    tasks = (delayed(run_draw)(setting, i, step_errors, read[i]) for i in missing)
     finished = Parallel(n_jobs=n_jobs, return_as="generator")(tasks)
     with tqdm(total=draws, initial=len(done), desc="draws", disable=not progress) as bar:
         for i, found in zip(missing, finished, strict=True):
@@ -378,7 +379,7 @@ def _fit_quality(
 
 
 def _by_event(table: _Draw, names: list[str]) -> dict[str, Any]:
-    """Median reduction of each channel, event by event."""
+    """Median reduction of each channel, event by event, over the draws that can be simulated there."""
     gains = np.nanmedian(reduction(table["before"][:, None], table["errors"]), axis=0)  # (fits, events, R)
     return {
         method: {event: dict(zip("UP", gains[k, i].tolist(), strict=True)) for i, event in enumerate(names)}

@@ -93,6 +93,8 @@ class Setting:
         Level of the response's deviation from its value before the event over that of the noise, both rms, in
         decibels, for each channel and event; no noise where None.
     effort : Effort
+    simulator : PowerSystemSimulator
+        What is calibrated.
     """
 
     seed: int

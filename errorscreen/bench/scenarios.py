@@ -12,8 +12,9 @@ from scipy.linalg import cho_factor, cho_solve
 
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery.hypotheses import PRIOR, linearised
+from errorscreen.discovery.noise import by_recording
 from errorscreen.effects import Effect
-from errorscreen.exceptions import InputError, SimulationError
+from errorscreen.exceptions import InputError, SimulationError, unknown_name
 from errorscreen.observations import Observation
 from errorscreen.simulators import Simulator
 
@@ -112,9 +113,9 @@ class Setup:
     record: Callable[..., tuple[list[Observation], Simulator]]
 
 
-def draw_kind(rng: np.random.Generator) -> str:
-    """Kind of a scenario, by the shares of `MIX`."""
-    names, shares = zip(*MIX, strict=True)
+def draw_kind(rng: np.random.Generator, mix: Sequence[tuple[str, float]] = MIX) -> str:
+    """Kind of a scenario, by the shares of the kinds."""
+    names, shares = zip(*mix, strict=True)
     return str(rng.choice(names, p=shares))
 
 
@@ -158,6 +159,8 @@ def draw_scenario(
         Hidden parameters.
     noise_db, least : float
     """
+    if kind not in dict(MIX):
+        raise unknown_name(kind, dict(MIX), kind="kind")
     for _ in range(TRIES):
         effects, right = _happened(*setup.hide(kind, device, rng), setup, rng)
         own = [draw_values(effect, rng) for effect in effects]
@@ -182,10 +185,10 @@ def draw_scenario(
             continue
         if effects and not min(sizes) >= least:
             continue
-        place = (effects[0].device or device or effects[0].kind) if effects else device or ""
+        where = (effects[0].device or device or effects[0].kind) if effects else device or ""
         return Scenario(
             kind,
-            place,
+            where,
             right,
             tuple(e.name for e in effects),
             effects[0].port if effects else "",
@@ -264,15 +267,12 @@ def surviving(
     problem = FitProblem(simulator, list(observations))
     u = (theta - problem.space.nominal) / problem.space.scales
     _, J = linearised(problem, u)
-    z = np.concatenate([(c / o.sigma)[o.mask] for c, o in zip(change, observations, strict=True)])
+    z = np.concatenate(
+        [o.deviations(o.values + c)[o.mask] for c, o in zip(change, observations, strict=True)]
+    )
     A = cho_factor(J.T @ J + np.eye(len(u)) / PRIOR**2)
     left = z - J @ cho_solve(A, J.T @ z)
-    largest, first = 0.0, 0
-    for o in observations:
-        full = np.zeros(o.values.shape)
-        count = int(o.mask.sum())
-        full[o.mask] = left[first : first + count]
-        first += count
-        after = o.time >= o.event.start
-        largest = max(largest, float(np.sqrt(np.mean(full[:, after] ** 2, axis=1)).max()))
-    return largest
+    return max(
+        float(np.sqrt(np.mean(full[:, o.time >= o.event.start] ** 2, axis=1)).max())
+        for o, full in by_recording(observations, left)
+    )

@@ -78,10 +78,17 @@ def peak_gib() -> float | None:
     return int(found[1]) / 2**20 if found else None
 
 
+def _processor() -> str:
+    """Model of the processor where the system tells, else its architecture."""
+    path = Path("/proc/cpuinfo")
+    found = re.search(r"model name\s*: (.+)", path.read_text()) if path.exists() else None
+    return found[1].strip() if found else platform.processor() or platform.machine()
+
+
 def machine() -> dict[str, Any]:
     """What was measured on: processor, cores, versions."""
     return {
-        "processor": platform.machine(),
+        "processor": _processor(),
         "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
         "python": platform.python_version(),
         "versions": {name: version(name) for name in _LIBRARIES},

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen.bench import trap_truths
-from errorscreen.bench.scenarios import LEAST_SIZE, TRIES, Scenario, surviving
+from errorscreen.bench.scenarios import LEAST_SIZE, TRIES, Scenario, draw_kind, surviving
 from errorscreen.events import InputSignal
 from errorscreen.exceptions import InputError, unknown_name
 from errorscreen.observations import Observation
@@ -21,8 +21,8 @@ from errorscreen.simulators import ODESimulator
 
 #: samples of each record, and records that are fitted before the one that is kept back
 _LENGTH, _FITTED = 400, 2
-#: share of scenarios in which nothing is hidden
-_NOTHING = 0.25
+#: kinds of scenarios and their shares
+TRAP_MIX = (("nothing", 0.25), ("effect", 0.75))
 #: hidden parameters lie this far from the nominal values
 _SPREAD = 0.25
 #: steps of the fitted model between two samples
@@ -255,8 +255,10 @@ def draw_trap_scenario(
         Effects whose size is less are drawn again, and inputs with them.
     """
     rng = np.random.default_rng(seed)
-    drawn, name = ("nothing" if rng.random() < _NOTHING else "effect"), str(rng.choice(list(TRAPS)))
+    drawn, name = draw_kind(rng, TRAP_MIX), str(rng.choice(list(TRAPS)))
     kind, name = kind or drawn, device or name
+    if kind not in dict(TRAP_MIX):
+        raise unknown_name(kind, dict(TRAP_MIX), kind="kind")
     if name not in TRAPS:
         raise unknown_name(name, TRAPS, kind="trap")
     trap = TRAPS[name]

@@ -76,7 +76,8 @@ class BaseCalibrator(BaseEstimator):
             0 for a perfect simulation; -inf if a simulation fails.
         """
         check_is_fitted(self, "simulator_")
-        problem = FitProblem(self.simulator_, X)
+        model = self.simulator_
+        problem = FitProblem(model, [model.settled(o) for o in as_observations(model, X)])
         loss = problem.objective(self.theta_, self._score_weights())[0]
         return -float(loss) if np.isfinite(loss) else -np.inf
 

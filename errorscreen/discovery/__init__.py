@@ -3,11 +3,7 @@
 from errorscreen.discovery.diagnosis import (
     ChannelFit,
     StageError,
-    Verdict,
     channel_fits,
-    held_out_limit,
-    judge,
-    noise_limit,
     stage_errors,
 )
 from errorscreen.discovery.finder import CauseFinder
@@ -15,9 +11,11 @@ from errorscreen.discovery.first_look import FirstLook, effect_dataset
 from errorscreen.discovery.gain import EventGain, Gain, measure_gain
 from errorscreen.discovery.hypotheses import Hypothesis
 from errorscreen.discovery.latent import Place, rank_places
+from errorscreen.discovery.noise import noise_limit
 from errorscreen.discovery.quick import Diagnosis, diagnose
 from errorscreen.discovery.ranking import Cause, Group
 from errorscreen.discovery.remainder import Cell, Remainder, remainder_test
+from errorscreen.discovery.verdict import Verdict, held_out_limit, judge
 
 __all__ = [
     "Cause",

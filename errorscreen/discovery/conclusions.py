@@ -142,12 +142,17 @@ def place_text(places: Sequence[Place], simulator: Simulator) -> str:
 
 def withdrawn_text(cause: Cause, gain: Gain) -> str:
     """Why what was named is withdrawn."""
-    low, high = gain.interval
-    other = "" if gain.placebo is None else f", a placebo {gain.placebo:.2f}"
-    return (
-        f"{cause.title} explains what was fitted but gains nothing on recordings that were not: {gain.gain:.2f} "
-        f"[{low:.2f}, {high:.2f}] of the squared error{other}. The extension is withdrawn."
-    )
+    failed = [event.recording for event in gain.events if not np.isfinite(event.extended)]
+    if failed:
+        judged = f"with it the model cannot be simulated on recordings that were not: {', '.join(failed)}"
+    else:
+        low, high = gain.interval
+        other = "" if gain.placebo is None else f", a placebo {gain.placebo:.2f}"
+        judged = (
+            f"gains nothing on recordings that were not: {gain.gain:.2f} [{low:.2f}, {high:.2f}] of the squared "
+            f"error{other}"
+        )
+    return f"{cause.title} explains what was fitted but {judged}. The extension is withdrawn."
 
 
 def withdrawn(causes: Sequence[Cause]) -> list[Cause]:

@@ -17,7 +17,6 @@ from errorscreen.calibration.problem import FitProblem
 from errorscreen.checkpoint import Checkpoint, digest
 from errorscreen.discovery import conclusions
 from errorscreen.discovery.competition import Competition
-from errorscreen.discovery.diagnosis import Verdict, judge
 from errorscreen.discovery.gain import Gain, measure_gain
 from errorscreen.discovery.hypotheses import PRIOR, Hypothesis, candidates, parameters_only
 from errorscreen.discovery.intervals import with_profiles
@@ -25,6 +24,7 @@ from errorscreen.discovery.journal import Journal
 from errorscreen.discovery.latent import Place, rank_places
 from errorscreen.discovery.ranking import Group, rank_causes
 from errorscreen.discovery.remainder import Remainder, remainder_test
+from errorscreen.discovery.verdict import Verdict, judge
 from errorscreen.effects.base import Effect
 from errorscreen.events import Event
 from errorscreen.exceptions import InputError, check_integer, check_real
@@ -217,15 +217,20 @@ class CauseFinder(BaseEstimator):
         """Response (R, L) of the extended simulator to an event, or to that of a recording."""
         check_is_fitted(self, "extended_simulator_")
         if event is not None and not isinstance(event, Event):
-            event = as_observations(self.extended_simulator_, event)[0].event
+            event = self._settled(event)[0].event
         return self.extended_simulator_.baseline(event)
 
     def score(self, X: Any, y: None = None) -> float:
         """Negative χ²/N of the extended simulator over recordings; -inf if one cannot be simulated."""
         check_is_fitted(self, "extended_simulator_")
-        problem = FitProblem(self.extended_simulator_, X)
+        problem = FitProblem(self.extended_simulator_, self._settled(X))
         chi2 = float(problem.chi_square(self.extended_simulator_.parameters.nominal)[0])
         return -chi2 / problem.n_values if np.isfinite(chi2) else -np.inf
+
+    def _settled(self, X: Any) -> list[Observation]:
+        """Recordings, with the initial states that suit the extended simulator best where they were not fitted."""
+        model = self.extended_simulator_
+        return [model.settled(observation) for observation in as_observations(model, X)]
 
     @property
     def best_(self) -> Hypothesis:

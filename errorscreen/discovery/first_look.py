@@ -12,7 +12,7 @@ event, and says nothing about noise, places or values: `CauseFinder` does.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -26,6 +26,7 @@ from errorscreen.events import Event
 from errorscreen.exceptions import InputError, check_integer, check_real
 from errorscreen.generation import generate_dataset
 from errorscreen.metrics import channel_weights, ranking
+from errorscreen.observations import Observation
 from errorscreen.sampling import generator
 from errorscreen.screening import ContributionScreener, contribution_pipeline
 from errorscreen.simulators.base import Simulator, Status
@@ -42,7 +43,7 @@ def effect_dataset(
     n_samples: int,
     event: Event | None = None,
     *,
-    effects: Iterable[str] | None = None,
+    effects: Sequence[str] | None = None,
     share: float = 0.7,
     random_state: Any = None,
     n_jobs: int | None = None,
@@ -56,7 +57,7 @@ def effect_dataset(
     n_samples : int
     event : Event, optional
         The simulator's own where not given.
-    effects : iterable of str, optional
+    effects : sequence of str, optional
         All of the simulator's, but for unknown signals, where not given.
     share : float
         Of the samples with an effect; each effect is as frequent as any other.
@@ -129,7 +130,7 @@ class FirstLook(BaseEstimator):
     Parameters
     ----------
     simulator : Simulator
-    effects : iterable of str, optional
+    effects : sequence of str, optional
         See `effect_dataset`.
     n_samples : int, default 4000
         Of the training set; each costs a simulation for every parameter.
@@ -170,7 +171,7 @@ class FirstLook(BaseEstimator):
     def __init__(
         self,
         simulator: Simulator,
-        effects: Iterable[str] | None = None,
+        effects: Sequence[str] | None = None,
         *,
         n_samples: int = 4000,
         estimator: Any = None,
@@ -202,10 +203,7 @@ class FirstLook(BaseEstimator):
         MissingExtraError
             If the default network is asked for and torch is not installed.
         """
-        observations = as_observations(self.simulator, X)
-        if len(observations) != 1:
-            raise InputError(f"{len(observations)} recordings were given", allowed="one: it has one event")
-        (observation,) = observations
+        observation = self._one(X)
         rng = generator(self.random_state)
         seed = int(rng.integers(2**31))
         estimator = self._estimator(observation.event.dt, seed)
@@ -235,10 +233,16 @@ class FirstLook(BaseEstimator):
     def contributions(self, recording: Any) -> NDArray[np.float64]:
         """Contributions (m + e,) to the error of a recording with the time axis of the one that was fitted to."""
         check_is_fitted(self, "screener_")
-        (observation,) = as_observations(self.simulator, recording)
+        observation = self._one(recording)
         error = observation.values - self.simulator.baseline(observation.event)
         found = self.screener_.predict(np.where(observation.mask, error, 0.0)[None])
         return np.asarray(found)[0]
+
+    def _one(self, recording: Any) -> Observation:
+        observations = as_observations(self.simulator, recording)
+        if len(observations) != 1:
+            raise InputError(f"{len(observations)} recordings were given", allowed="one: it has one event")
+        return observations[0]
 
     def _estimator(self, dt: float, seed: int) -> Any:
         if self.estimator is not None:

@@ -6,9 +6,10 @@ models is compared: as it was, recalibrated, and extended. The gain is
 .. math:: g = 1 - \frac{\sum z_{ext}^2}{\sum z_{recal}^2}                                        \qquad (D4)
 
 over all held-out events. Its interval comes from a bootstrap over events and, within each, over blocks of time (the
-moving-block bootstrap of Künsch, Ann. Statist. 17, 1989, because errors are smooth in time). What a *placebo* gains,
-the extension by a wrong effect with as many parameters where one was fitted, shows how much any additional freedom
-would have gained.
+moving-block bootstrap of Künsch, Ann. Statist. 17, 1989, because errors are smooth in time), which are two correlation
+times of the recalibrated model's errors long, but at most a quarter of the record. What a *placebo* gains, the
+extension by a wrong effect with as many parameters where one was fitted, shows how much any additional freedom would
+have gained.
 """
 
 from __future__ import annotations
@@ -20,13 +21,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from errorscreen.exceptions import check_real
 from errorscreen.observations import Observation
 from errorscreen.sampling import generator
+from errorscreen.signals import correlation_time
 from errorscreen.simulators.base import Simulator
 from errorscreen.simulators.observations import as_observations
 
-#: length of the blocks in seconds, and number of resampled sets
-_BLOCK, _RESAMPLED = 0.5, 1000
+#: number of resampled sets
+_RESAMPLED = 1000
+#: length of the blocks in correlation times of the error, and how many there are at least
+_BLOCK, _FEWEST_BLOCKS = 2.0, 4
 
 _Array = NDArray[np.float64]
 
@@ -110,6 +115,7 @@ def measure_gain(
     placebo : Simulator, optional
         With a wrong effect, fitted in the same way.
     level : float
+        Probability of the interval, between 0 and 1.
     random_state : None, int, SeedSequence, Generator or RandomState
         Of the bootstrap.
 
@@ -119,15 +125,17 @@ def measure_gain(
         A model that cannot be simulated on an event counts with an infinite error there. Where that is the recalibrated
         one, the event is left out of the gain; of such events alone it is 1 if the extended model can be simulated.
     """
+    check_real(level, "level", low=0.0, high=1.0, above=True)
     observations = as_observations(baseline, held_out)
     rng = generator(random_state)
-    squares = [_squares(model, observations) for model in (baseline, recalibrated, extended)]
+    errors = [_deviations(model, observations) for model in (baseline, recalibrated, extended)]
+    squares = [[(z**2).sum(axis=0) for z in rows] for rows in errors]
     totals = [[float(row.sum()) for row in rows] for rows in squares]
     counts = [int(o.mask.sum()) for o in observations]
     compared = [e for e, total in enumerate(totals[1]) if np.isfinite(total)] or range(len(observations))
     gain = _gain(*(sum(totals[k][e] for e in compared) for k in (1, 2)))
     draws = np.empty(_RESAMPLED)
-    widths = [max(1, round(_BLOCK / o.event.dt)) for o in observations]
+    widths = [_width(z) for z in errors[1]]
     for i in range(_RESAMPLED):
         chosen = rng.integers(len(compared), size=len(compared))
         old = new = 0.0
@@ -141,8 +149,8 @@ def measure_gain(
         low, high = np.quantile(draws, [0.5 - level / 2, 0.5 + level / 2])
     other = None
     if placebo is not None:
-        rows = _squares(placebo, observations)
-        other = _gain(sum(totals[1][e] for e in compared), sum(float(rows[e].sum()) for e in compared))
+        rows = _deviations(placebo, observations)
+        other = _gain(sum(totals[1][e] for e in compared), sum(float((rows[e] ** 2).sum()) for e in compared))
     rms = [float(np.sqrt(sum(t) / sum(counts))) for t in totals]
     events = tuple(
         EventGain(o.event.name, *(float(np.sqrt(totals[k][e] / counts[e])) for k in range(3)))
@@ -152,15 +160,23 @@ def measure_gain(
     return Gain(rms[0], rms[1], rms[2], gain, (float(low), float(high)), level, other, events, *more)
 
 
-def _squares(model: Simulator, observations: Sequence[Observation]) -> list[_Array]:
-    """Sum of the squared deviations over the channels at each instant, for each recording (L,)."""
+def _deviations(model: Simulator, observations: Sequence[Observation]) -> list[_Array]:
+    """Deviations (R, L) from each recording; 0 where nothing was measured, infinite where the model fails."""
     out = []
     for observation in map(model.settled, observations):
         y = model.simulate(model.parameters.nominal, observation.event).values[0]
         failed = np.isnan(y).any()
         z = np.full(observation.values.shape, np.inf) if failed else observation.deviations(y)
-        out.append(np.where(observation.mask, z, 0.0) ** 2)
-    return [z.sum(axis=0) for z in out]
+        out.append(np.where(observation.mask, z, 0.0))
+    return out
+
+
+def _width(deviations: _Array) -> int:
+    """Samples of a block."""
+    if not np.isfinite(deviations).all():
+        return 1
+    longest = max(1, deviations.shape[1] // _FEWEST_BLOCKS)
+    return min(max(1, round(_BLOCK * correlation_time(*deviations))), longest)
 
 
 def _gain(old: float, new: float) -> float:
@@ -171,6 +187,5 @@ def _gain(old: float, new: float) -> float:
 
 def _blocks(length: int, width: int, rng: np.random.Generator) -> NDArray[np.int64]:
     """Indices of moving blocks that together are as long as the series."""
-    width = min(width, length)
     starts = rng.integers(length - width + 1, size=-(-length // width))
     return np.asarray((starts[:, None] + np.arange(width)).ravel()[:length])

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from errorscreen.calibration.intervals import posterior_covariance
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.calibration.search import BoundedSearch
 from errorscreen.effects.base import Effect
@@ -98,9 +99,7 @@ class Hypothesis:
     @property
     def covariance(self) -> _Array:
         """Posterior covariance (k, k) in units of the scales, of parameters inside their bounds; 0 for the others."""
-        J = self.jacobian * self.free
-        A = J.T @ J + np.eye(len(self.u)) / PRIOR**2
-        covariance = np.linalg.inv(A)
+        covariance = posterior_covariance(self.jacobian * self.free, PRIOR)
         return np.asarray(covariance * np.outer(self.free, self.free))
 
     def deviations(self, names: Sequence[str]) -> _Array:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from errorscreen.calibration.intervals import noise_inflation
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery.hypotheses import SLICE, Hypothesis, JointFit, race
-from errorscreen.discovery.remainder import by_recording
+from errorscreen.discovery.noise import by_recording
 from errorscreen.effects.latent_input import KNOTS
 from errorscreen.events import InputSignal, Playback
 from errorscreen.exceptions import SimulationError

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from errorscreen.discovery.diagnosis import ChannelFit, StageError, Verdict, channel_fits, stage_errors
+from errorscreen.discovery.diagnosis import ChannelFit, StageError, channel_fits, stage_errors
 from errorscreen.discovery.finder import CauseFinder
 from errorscreen.discovery.latent import Place
 from errorscreen.discovery.remainder import Remainder
+from errorscreen.discovery.verdict import Verdict
 from errorscreen.simulators.base import Simulator
 from errorscreen.simulators.observations import as_observations
 

@@ -22,24 +22,23 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from scipy.linalg import cho_factor, cho_solve
-from scipy.signal import detrend, lfilter
+from scipy.signal import lfilter
 from scipy.stats import false_discovery_control, norm
 
 from errorscreen.discovery.diagnosis import stage_limits, stage_names
 from errorscreen.discovery.hypotheses import PRIOR
+from errorscreen.discovery.noise import by_recording, noise_model
 from errorscreen.events import InputSignal
+from errorscreen.exceptions import InputError, check_integer
 from errorscreen.observations import Observation
 from errorscreen.sampling import generator
-from errorscreen.signals import correlation_time
 
 #: edges of the frequency bands in Hz: slow control, electromechanical swings, control modes, fast control
 BANDS = (0.0, 0.4, 2.5, 8.0, np.inf)
 #: cells with fewer samples than this tell nothing
 _FEWEST = 3
-#: a quiet part with fewer samples tells nothing about noise
-_FEWEST_QUIET = 10
-#: noise differs from one operating point to another by more than its estimate from the quiet part is uncertain
-_LEVEL = 1.5
+#: draws of noise without which mean and width of a cell's energy mean nothing
+_FEWEST_DRAWS = 20
 #: draws of noise that are transformed at a time
 _BLOCK = 16
 
@@ -107,32 +106,6 @@ class Remainder:
         return tuple(sorted((c for c in self.cells if c.significant), key=lambda c: c.p_value))
 
 
-def noise_model(observations: Sequence[Observation], residuals: ArrayLike) -> tuple[float, list[float]]:
-    """Correlation time of the quiet residuals in samples, and how well each recording's noise level is known.
-
-    Parameters
-    ----------
-    observations : sequence of Observation
-    residuals : array-like of shape (N,)
-
-    Returns
-    -------
-    tau : float
-    spread : list of float
-        Relative standard error of the noise level, for each recording.
-    """
-    rows, counts = [], []
-    for observation, z in by_recording(observations, residuals):
-        quiet = observation.time < observation.event.start - 1e-9
-        counts.append(int(quiet.sum()))
-        # as for its level, noise is what scatters about a slow trend: an offset before the event is an error
-        if counts[-1] >= _FEWEST_QUIET:
-            rows += list(detrend(z[:, quiet], axis=1))
-    tau = correlation_time(*rows)
-    # with hardly any quiet part the level is what the file says, not an estimate
-    return tau, [_LEVEL * float(np.sqrt(tau / (2 * n))) if n >= _FEWEST_QUIET else 0.0 for n in counts]
-
-
 def remainder_test(
     observations: Sequence[Observation],
     residuals: ArrayLike,
@@ -151,16 +124,29 @@ def remainder_test(
     jacobian : array-like of shape (N, k), optional
         Sensitivities of the fitted parameters that do not lie at a bound; none were fitted where not given.
     n_bootstrap : int
+        Draws of noise, at least 20; the smallest p-value is 1/(n_bootstrap + 1).
     random_state : None, int, SeedSequence, Generator or RandomState
 
     Returns
     -------
     Remainder
+
+    Raises
+    ------
+    InputError
+        If there are too few draws, or hardly any samples after the start of the event.
     """
+    check_integer(n_bootstrap, "n_bootstrap", low=_FEWEST_DRAWS)
     z = np.asarray(residuals, dtype=float)
     rng = generator(random_state)
     tau, spread = noise_model(observations, z)
     labels, energy = _energies(observations, z[None])
+    if not labels:
+        raise InputError(
+            "no channel has enough samples after the start of the event",
+            where=", ".join(o.event.name for o in observations),
+            allowed=f"at least {_FEWEST} in one stage of the event",
+        )
     null = _null(observations, n_bootstrap, tau, spread, rng)
     if jacobian is not None and np.size(jacobian):
         J = np.asarray(jacobian, dtype=float)
@@ -193,33 +179,6 @@ def bands(observation: Observation) -> tuple[float, ...]:
     time, dt = observation.time, observation.event.dt
     lowest, highest = 4.0 / (time[-1] - time[0]), 0.25 / dt
     return (0.0, *np.geomspace(min(lowest, 0.5 * highest), highest, 3).tolist(), np.inf)
-
-
-def by_recording(
-    observations: Sequence[Observation], residuals: ArrayLike
-) -> list[tuple[Observation, _Array]]:
-    """Residuals as channels of each recording.
-
-    Parameters
-    ----------
-    observations : sequence of Observation
-    residuals : array-like of shape (..., N)
-
-    Returns
-    -------
-    list of (Observation, ndarray of shape (..., R, L))
-        0 where nothing was measured.
-    """
-    z = np.asarray(residuals, dtype=float)
-    out, first = [], 0
-    for observation in observations:
-        mask = observation.mask
-        count = int(mask.sum())
-        full = np.zeros((*z.shape[:-1], *mask.shape))
-        full[..., mask] = z[..., first : first + count]
-        out.append((observation, full))
-        first += count
-    return out
 
 
 def _energies(observations: Sequence[Observation], residuals: _Array) -> tuple[list[tuple[Any, ...]], _Array]:

@@ -19,7 +19,7 @@ from typing import Any
 from errorscreen.effects.base import Effect, strength
 from errorscreen.events import BusFault
 
-#: a fault lasts at least so many seconds
+#: no fault is made shorter than so many seconds
 _SHORTEST = 0.005
 
 
@@ -27,7 +27,7 @@ def longer(event: Any, d: float) -> Any:
     """Fault that lasts d seconds longer, (E1); other events stay as they are."""
     if not isinstance(event, BusFault):
         return event
-    return replace(event, duration=max(_SHORTEST, event.duration + d))
+    return replace(event, duration=max(min(_SHORTEST, event.duration), event.duration + d))
 
 
 def with_reactance(event: Any, x: float) -> Any:
@@ -37,11 +37,11 @@ def with_reactance(event: Any, x: float) -> Any:
     return replace(event, impedance=event.impedance + 1j * x)
 
 
-def with_trip(event: Any, s: float, ends: tuple[int, int]) -> Any:
-    """Fault whose clearing opens the share s of a branch, (E3); other events stay as they are."""
+def with_trip(event: Any, s: float, ends: tuple[int, int], circuit: str | None = None) -> Any:
+    """Fault whose clearing also opens the share s of a branch, (E3); other events stay as they are."""
     if not isinstance(event, BusFault) or event.bus not in ends:
         return event
-    return replace(event, opened=(*ends, float(s)))
+    return replace(event, opened=(*event.opened, (*ends, float(s), circuit)))
 
 
 FAULT_DURATION = Effect(
@@ -65,17 +65,25 @@ FAULT_IMPEDANCE = Effect(
 )  # fmt: skip
 
 
-def branch_trip(ends: tuple[int, int]) -> Effect:
+def branch_trip(ends: tuple[int, int], circuit: str | None = None) -> Effect:
     """Branch that is opened when a fault at one of its ends is cleared.
+
+    Parameters
+    ----------
+    ends : (int, int)
+        Its buses.
+    circuit : str, optional
+        Needed where there are several.
 
     Examples
     --------
-    >>> branch_trip((3, 4)).name
-    'trip_3_4'
+    >>> branch_trip((3, 4)).name, branch_trip((3, 4), "2").name
+    ('trip_3_4', 'trip_3_4_2')
     """
+    names = [str(name) for name in (*ends, circuit) if name is not None]
     return Effect(
-        f"trip_{ends[0]}_{ends[1]}", f"Branch {ends[0]}-{ends[1]} opened with the fault", "event",
-        partial(with_trip, ends=ends),
+        "_".join(["trip", *names]), f"Branch {'-'.join(names)} opened with the fault", "event",
+        partial(with_trip, ends=ends, circuit=circuit),
         (strength("s", 1.0, 1.0, "", "event", "s", "share of the branch that is opened; 0: none"),), kind="event",
         occasional=True,
         formula="Y = (1 − s) Y* from clearing on",

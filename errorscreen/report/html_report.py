@@ -106,13 +106,14 @@ def format_number(value: float | None, digits: int = 3) -> str:
 
     Examples
     --------
-    >>> format_number(1234.5), format_number(0.012345), format_number(2.5e-7), format_number(None)
-    ('1230', '0.0123', '2.5e-07', '–')
+    >>> format_number(1234.5), format_number(999.6), format_number(0.012345), format_number(2.5e-7)
+    ('1230', '1000', '0.0123', '2.5e-07')
     """
     if value is None:
         return _DASH
     text = f"{value:.{digits}g}"
-    return f"{float(text):.0f}" if 10**digits <= abs(value) < 1e6 else text
+    rounded = float(text)
+    return f"{rounded:.0f}" if 10**digits <= abs(rounded) < 1e6 else text
 
 
 def format_change(before: float | None, after: float | None) -> str:

@@ -90,7 +90,9 @@ class StageDiagnosis(Part):
     """Error of one channel in one stage, before and after calibration."""
 
     channel: str
-    stage: str = Field(description="before, fault, first recovery, oscillation, end")
+    stage: str = Field(
+        description="before, fault, first recovery, oscillation, end; of equations of your own: before, and quarters"
+    )
     start: Number = Field(description="seconds")
     stop: Number = Field(description="seconds")
     before: StageFigures

@@ -34,8 +34,8 @@ REMEDIES = {
     "bounds, or check the units of the recording",
     Status.NO_EQUILIBRIUM: "no steady state exists for the recorded pre-event values: check the sign and base "
     "of P and Q, or the limits of the device",
-    Status.FAILED: "the program raised an error, or returned values that are not finite: call it with these parameters "
-    "by itself, and narrow the bounds where it does not work",
+    Status.FAILED: "the program raised an error, or returned values that are not finite, or branches that were opened "
+    "left an island: call it with these parameters by itself, and narrow the bounds where it does not work",
 }
 
 

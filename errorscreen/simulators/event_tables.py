@@ -2,14 +2,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from errorscreen.effects.base import Effect
 from errorscreen.events import GridEvent
 from errorscreen.exceptions import InputError
+from errorscreen.parameters import ParameterSpace
 from errorscreen.power.network import Network
+
+
+def what_happened(
+    event: GridEvent, effects: Sequence[Effect], theta: NDArray[np.float64], parameters: ParameterSpace
+) -> Iterator[tuple[NDArray[np.bool_], GridEvent]]:
+    """Rows of parameters that share what happened, and that event.
+
+    Parameters
+    ----------
+    event : GridEvent
+        On record.
+    effects : sequence of Effect
+        Of the kind ``"event"``.
+    theta : ndarray of shape (n, m)
+    parameters : ParameterSpace
+        Those of the columns of `theta`.
+    """
+    names = [effect.local(p.name) for effect in effects for p in effect.parameters]
+    columns = theta[:, [parameters.index(name) for name in names]]
+    kinds, which = np.unique(columns, axis=0, return_inverse=True)
+    for number, row in enumerate(kinds):
+        own = dict(zip(names, row.tolist(), strict=True))
+        happened: Any = event
+        for effect in effects:
+            happened = effect.equations(happened, *(own[effect.local(p.name)] for p in effect.parameters))
+        yield which.ravel() == number, happened
 
 
 def tables_in_time(

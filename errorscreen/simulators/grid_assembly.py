@@ -86,7 +86,8 @@ def grid_effects(
                 network.with_line_out(*branch.ends, branch.circuit)
             except InputError:  # it would leave an island
                 continue
-            yield branch_trip(branch.ends)
+            several = sum(set(other.ends) == set(branch.ends) for other in network.branches) > 1
+            yield branch_trip(branch.ends, branch.circuit if several else None)
 
 
 class GridModel:

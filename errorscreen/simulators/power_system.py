@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import cache
@@ -23,7 +24,7 @@ from errorscreen.power.reduction import ReducedNetwork, reduce_network
 from errorscreen.recordings import Recording
 from errorscreen.simulators.assembly import INSIDE, check_ports, measured, start_effects, switched_off
 from errorscreen.simulators.base import Responses, Simulator, Status
-from errorscreen.simulators.event_tables import steps_at_rest, tables_in_time
+from errorscreen.simulators.event_tables import steps_at_rest, tables_in_time, what_happened
 from errorscreen.simulators.grid_assembly import GridModel, grid_effects, machine_prefix, qualified
 from errorscreen.simulators.grid_unit import LoadUnderTest, Unit, at_rest, check_terminals
 from errorscreen.simulators.recent import Recent
@@ -197,20 +198,13 @@ class PowerSystemSimulator(Simulator):
         altering = [e for e in self.extensions if e.kind == "event" and e.acts_in(event)]
         if not altering:
             return self._run(theta, event, event)
-        # rows that share what happened are simulated together
-        names = [e.local(p.name) for e in altering for p in e.parameters]
-        columns = theta[:, [self.parameters.index(name) for name in names]]
-        kinds, which = np.unique(columns, axis=0, return_inverse=True)
+        event.changes(self._flow(event).network)  # what is on record must be possible
         values = np.full((len(theta), len(self.channels), len(event.time)), np.nan)
-        status = np.zeros(len(theta), dtype=np.int64)
-        for number, row in enumerate(kinds):
-            own = dict(zip(names, row.tolist(), strict=True))
-            happened: Any = event
-            for effect in altering:
-                happened = effect.equations(happened, *(own[effect.local(p.name)] for p in effect.parameters))
-            rows = which.ravel() == number
-            part = self._run(theta[rows], event, happened)
-            values[rows], status[rows] = part.values, part.status
+        status = np.full(len(theta), Status.FAILED, dtype=np.int64)
+        for rows, happened in what_happened(event, altering, theta, self.parameters):
+            with contextlib.suppress(InputError):  # two branches opened can leave an island
+                part = self._run(theta[rows], event, happened)
+                values[rows], status[rows] = part.values, part.status
         return Responses(values, status, event.time, self.channels)
 
     def _run(self, theta: NDArray[np.float64], event: GridEvent, happened: GridEvent) -> Responses:

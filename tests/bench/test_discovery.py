@@ -8,10 +8,13 @@ import pytest
 from errorscreen.bench import discovery_study, scenarios
 from errorscreen.bench.discovery import summarise
 from errorscreen.bench.discovery_output import by_size, power_figure
+from errorscreen.bench.grid_scenarios import draw_grid_scenario
 from errorscreen.bench.hidden_effects import OTHER_FORMS, OUTSIDE
 from errorscreen.bench.plant_scenarios import draw_plant_scenario
-from errorscreen.bench.scenarios import MIX
+from errorscreen.bench.scenarios import MIX, surviving
+from errorscreen.bench.trap_scenarios import draw_trap_scenario
 from errorscreen.cli import main
+from errorscreen.discovery.hypotheses import PRIOR
 from errorscreen.exceptions import InputError, SimulationError
 from tests.plants import DEVICE_NAMES, dip, flat, plant, random_rows
 
@@ -50,6 +53,29 @@ def test_a_scenario_hides_what_it_says(kind):
     assert {name.partition("@")[0] for name in hidden.effects} <= names
     if kind in ("outside", "other form"):
         assert not set(hidden.hidden) & names
+
+
+@pytest.mark.parametrize("device", DEVICE_NAMES)
+def test_a_change_that_parameters_make_does_not_survive_a_refit(device):
+    hidden = draw_plant_scenario(7, 40.0, kind="nothing", device=device)
+    simulator, observations = hidden.simulator, hidden.recordings
+    steps = 1e-4 * np.diag(simulator.parameters.scales)
+    y, *moved = (
+        [simulator.simulate(theta, o.event).require_ok().values[0] for o in observations]
+        for theta in (hidden.theta, *(hidden.theta + steps))
+    )
+    sizes = []
+    for other in moved:  # as much as one standard deviation of the prior would move
+        change = [PRIOR / 1e-4 * (b - a) for a, b in zip(y, other, strict=True)]
+        sizes += [np.abs(c / o.sigma).max() for c, o in zip(change, observations, strict=True)]
+        assert surviving(simulator, hidden.theta, observations, change) < 0.2
+    assert max(sizes) > 20
+
+
+@pytest.mark.parametrize("draw", [draw_plant_scenario, draw_grid_scenario, draw_trap_scenario])
+def test_an_unknown_kind_is_refused(draw):
+    with pytest.raises(InputError, match=r"unknown kind 'efect' \(did you mean 'effect'"):
+        draw(0, 40.0, kind="efect")
 
 
 @pytest.mark.filterwarnings("ignore::errorscreen.exceptions.DataWarning")  # of some of the many draws
@@ -126,6 +152,7 @@ def test_outcomes_by_size():
     assert [line.get_label() for line in axes.lines] == ["40 dB", "20 dB"]
     assert np.array_equal(axes.lines[0].get_xydata(), [[3.5, 0.5], [60.0, 1.0]])
     assert len(power_figure(result).axes[0].texts) == 2  # how many scenarios each point stands for
+    assert len(power_figure(*[result] * 9).axes[0].lines) == 9
 
 
 def test_a_study_goes_on_where_it_stopped(tmp_path, capsys):

@@ -6,6 +6,7 @@ import pytest
 
 from errorscreen.bench import speed, timing
 from errorscreen.cli import main
+from errorscreen.exceptions import MissingExtraError
 from errorscreen.power import DEVICES
 
 
@@ -51,6 +52,19 @@ def test_labels_join_the_result_and_are_plotted(tmp_path, monkeypatch):
     assert "| 102500 simulations at 5 ms | 30.0 s |" in table
     assert 'pip install "errorscreen[andes]"' in table
     assert (tmp_path / "labels.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_without_torch_the_rest_is_measured(tmp_path, monkeypatch):
+    def missing():
+        raise MissingExtraError("torch", extra="cnn")
+
+    monkeypatch.setattr(speed, "DEVICES", {})
+    monkeypatch.setattr(speed, "cwt_speed", lambda: {"signals_per_second": 1.0, "ratio_to_pywt": 1.0})
+    monkeypatch.setattr(speed, "cnn_epoch_seconds", missing)
+    lines = []
+    result = speed.measure_speed(tmp_path, lines.append, labels=False)
+    assert "cnn_epoch_seconds" not in result
+    assert "no epoch of the network: torch is not installed" in lines[-1]
 
 
 def test_first_use_is_measured_in_new_processes():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from errorscreen.bench.plant_scenarios import draw_plant_scenario
-from errorscreen.discovery import CauseFinder, conclusions
+from errorscreen.discovery import CauseFinder, EventGain, Gain, conclusions
 from errorscreen.effects import GOVERNOR, STABILISER, measurement_effects
 from errorscreen.simulators import PlantSimulator
 
@@ -81,3 +81,18 @@ def test_sentences_say_what_was_tried(twins):
     assert finder.best_.name in text
     assert "any effect of the library" in conclusions.unknown_text(("governor",), True, base, base)
     assert "no ports" in conclusions.place_text([], finder.simulator)
+
+
+def test_a_withdrawn_cause_says_why(twins):
+    finder, _ = twins
+    event = EventGain("other", 5.0, 3.0, 2.9)
+    gain = Gain(5.0, 3.0, 2.9, 0.07, (-0.1, 0.2), 0.9, 0.01, (event,))
+    text = conclusions.withdrawn_text(finder.causes_[0], gain)
+    assert (
+        "gains nothing on recordings that were not: 0.07 [-0.10, 0.20] of the squared error, a placebo 0.01"
+        in text
+    )
+    failed = replace(gain, gain=-np.inf, events=(replace(event, extended=np.inf),))
+    text = conclusions.withdrawn_text(finder.causes_[0], failed)
+    assert "with it the model cannot be simulated on recordings that were not: other." in text
+    assert "inf" not in text

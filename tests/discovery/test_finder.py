@@ -13,33 +13,28 @@ from errorscreen.discovery import CauseFinder
 from errorscreen.exceptions import InputError
 from tests.plants import plant
 
-#: hidden causes drawn by seed; `errorscreen bench discovery` has more
-SEED, NUMBERS = 5, range(3)
+#: hidden causes drawn by seed, one of each kind; `errorscreen bench discovery` has more
+SEED, KINDS = 5, ("nothing", "effect", "two effects", "measurement")
 
 
 @pytest.fixture(scope="module")
 def records():
-    found = [run_scenario("plant", SEED, i, 40.0, 3.0) for i in NUMBERS]
-    kinds = {r["truth"]["kind"] for r in found}
-    return {kind: [r for r in found if r["truth"]["kind"] == kind] for kind in kinds}
+    return {kind: run_scenario("plant", SEED, i, 40.0, 3.0, kind) for i, kind in enumerate(KINDS)}
 
 
 def test_nothing_wrong_is_named(records):
     """Neither another effect, nor parameters alone for an effect, nor an effect where nothing is hidden."""
-    everything = [r for rows in records.values() for r in rows]
-    wrong = [(r["truth"], r["named"]) for r in everything if r["outcome"] in ("wrong", "missed")]
-    wrong += [(r["truth"], r["named"]) for r in everything if r["outcome"] == "false alarm" and r["named"]]
-    assert not wrong
+    wrong = [r for r in records.values() if r["outcome"] in ("wrong", "missed", "false alarm")]
+    assert not [(r["truth"], r["verdict"], r["named"]) for r in wrong]
+    assert records["nothing"]["outcome"] == "correct"
 
 
 def test_most_hidden_causes_are_named(records):
-    hidden = [r for kind in ("effect", "two effects", "measurement") for r in records.get(kind, [])]
-    assert hidden
-    assert sum(r["outcome"] == "correct" for r in hidden) >= 0.7 * len(hidden)
+    assert sum(records[kind]["outcome"] == "correct" for kind in KINDS[1:]) >= 2
 
 
 def test_what_is_named_reproduces_other_events(records):
-    named = [r for rows in records.values() for r in rows if r["named"] and r["outcome"] == "correct"]
+    named = [r for r in records.values() if r["named"] and r["outcome"] == "correct"]
     ratios = [r["held_out"]["extended"] / r["held_out"]["recalibrated"] for r in named]
     assert np.median(ratios) < 0.2
 
@@ -58,7 +53,7 @@ def test_what_no_library_holds_is_unknown_and_placed():
 
 @pytest.fixture(scope="module")
 def found():
-    """A stabiliser hidden in a machine, found on two events."""
+    """An effect hidden in a machine, found on two events."""
     hidden = draw_plant_scenario(2, 40.0, kind="effect", device="synchronous_machine")
     lines = []
     finder = CauseFinder(
@@ -80,14 +75,14 @@ def test_the_finder_is_a_simulator_of_what_it_found(found):
     assert any(hidden.effects[0] in line for line in lines)
 
 
-def test_intervals_hold_the_hidden_values(found):
+def test_values_are_near_the_hidden_ones(found):
+    """How often intervals hold is tested with the joint fits."""
     hidden, finder, _ = found
     intervals = list(finder.causes_[0].parameters.values())
-    inside = [
-        low - (high - low) <= v <= high + (high - low)
-        for (_, low, high), v in zip(intervals, hidden.values, strict=True)
-    ]
-    assert np.mean(inside) > 0.7
+    assert len(intervals) == len(hidden.values)
+    for (found_value, low, high), value in zip(intervals, hidden.values, strict=True):
+        assert low <= found_value <= high
+        assert abs(found_value - value) <= 1.5 * (high - low)
 
 
 def test_gain_is_measured_against_the_recalibrated_model(found):
@@ -115,7 +110,7 @@ def test_an_extension_without_gain_is_withdrawn(found):
     assert [c.name for c in finder.causes_[:2]] == ["unknown", first.name]
     assert finder.causes_[1].withdrawn
     assert sum(c.probability for c in finder.causes_) == pytest.approx(1)
-    assert finder.places_[0].place == "Efd"  # where the stabiliser acts
+    assert finder.places_[0].place == hidden.place
     assert finder.places_[0].place in finder.verdict_.text
     assert finder.n_simulations_ > before
 
@@ -161,7 +156,7 @@ def test_a_perfect_model_is_within_noise():
     assert finder.verdict_.kind == "within-noise"
     assert "2 that were held out" in finder.verdict_.text
     # what is wrong may show in other events only
-    moved = [replace(o, values=o.values + 20 * o.noise[:, None]) for o in hidden.held_out]
+    moved = [replace(o, values=o.values + 2 * o.noise[:, None]) for o in hidden.held_out]
     finder.confirm(moved)
     assert finder.verdict_.kind == "unknown"
     assert hidden.held_out[0].event.name in finder.verdict_.text

@@ -53,19 +53,25 @@ def test_the_same_seed_gives_the_same_samples_for_any_number_of_workers():
 
 
 def test_hidden_effects_are_looked_at_first():
-    hidden = draw_plant_scenario(
-        5, 40.0, kind="effect", device="synchronous_machine", least_size=25.0
-    )  # the nearest neighbours of this test see nothing small
+    """In errors that it has not seen, each with one of four effects."""
+    hidden = draw_plant_scenario(4, 40.0, kind="effect", device="synchronous_machine", least_size=25.0)
+    recording, names = hidden.recordings[0], ["stabiliser", "exciter", "lag_P", "offset_Q"]
     quick = make_pipeline(
         CWTTransformer(n_frequencies=16, n_columns=32, sampling_period=1 / 120, output="flat"),
         KNeighborsRegressor(3, weights="distance"),
     )
-    names = [*hidden.effects, "lag_P", "offset_Q"]
-    look = FirstLook(hidden.simulator, names, n_samples=300, estimator=quick, random_state=0)
-    look.fit(hidden.recordings[0])
-    assert look.effects_[0] == hidden.effects[0]
+    look = FirstLook(hidden.simulator, names, n_samples=400, estimator=quick, random_state=0).fit(recording)
     assert set(look.ranking_) == set(look.names_)
-    assert look.contributions(hidden.recordings[0]) == pytest.approx(look.contributions_)
+    assert set(look.effects_) == set(names)
+    assert look.contributions(recording) == pytest.approx(look.contributions_)
+    with pytest.raises(InputError, match="2 recordings"):
+        look.contributions(list(hidden.recordings))
+    new = effect_dataset(
+        hidden.simulator, 120, recording.event, effects=names, share=1.0, random_state=1
+    ).valid()
+    m = len(hidden.simulator.parameters)
+    found = look.screener_.predict(np.where(recording.mask, new.errors, 0.0))
+    assert np.mean(found[:, m:].argmax(axis=1) == new.contributions[:, m:].argmax(axis=1)) > 0.7
 
 
 def test_what_cannot_be_looked_at_is_refused():

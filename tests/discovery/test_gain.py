@@ -4,10 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from errorscreen.discovery import measure_gain
+from errorscreen.events import InputSignal
 from errorscreen.exceptions import InputError
 from errorscreen.observations import Observation
+from errorscreen.parameters import Parameter
+from errorscreen.simulators import CallableSimulator
 from tests.plants import dip, plant
 
 NOISE = np.array([2e-3, 2e-3])
@@ -95,7 +99,31 @@ def test_an_event_that_the_old_model_cannot_simulate_is_left_out(case, monkeypat
     assert gain.events[2].recalibrated == np.inf
 
 
-def test_no_recording_is_refused(case):
-    old, true, _, _ = case
+@pytest.mark.parametrize(("dt", "samples"), [(0.01, 400), (0.002, 200), (4.0, 250)])
+def test_smooth_errors_without_gain_seldom_look_like_one(dt, samples):
+    """Errors of both models of the same size, smooth over ten samples: one 90 % interval in twenty should lie above 0.
+
+    One record tells little of its own scatter, so there are about twice as many; with blocks of half a second there
+    were eight times as many where the record is short or slow.
+    """
+    event = InputSignal(dt * np.arange(samples), "record", 0.0)
+    seen = Observation(event, np.zeros((1, samples)), np.ones(1), ("y",), ("1",))
+    rng, above = np.random.default_rng(0), 0
+    for _ in range(40):
+        old, new = (lfilter([1.0], [1.0, -0.9], rng.standard_normal(samples + 100))[100:] for _ in range(2))
+        models = [
+            CallableSimulator(
+                lambda theta, event, y=y: y, [Parameter("a", 1.0, 0.5, 2.0)], event, outputs={"y": "1"}
+            )
+            for y in (old, new)
+        ]
+        above += measure_gain(models[0], *models, seen).interval[0] > 0
+    assert above <= 8
+
+
+def test_bad_arguments_are_refused(case):
+    old, true, _, recordings = case
     with pytest.raises(InputError, match="list of recordings is empty"):
         measure_gain(old, old, true, [])
+    with pytest.raises(InputError, match="level"):
+        measure_gain(old, old, true, recordings, level=90)

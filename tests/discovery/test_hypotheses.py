@@ -8,6 +8,7 @@ from errorscreen.discovery.hypotheses import PRIOR, JointFit, described, fit_hyp
 from errorscreen.discovery.signatures import SignatureSearch
 from errorscreen.observations import Observation
 from tests.plants import dip, plant
+from tests.simulators.models import oscillator
 
 NOISE = np.array([2e-3, 2e-3])
 
@@ -56,6 +57,23 @@ def test_the_joint_fit_finds_parameters_and_effect(hidden):
     assert all(low <= value <= high for value, low, high in triples)
     assert sum(low <= true <= high for (_, low, high), true in zip(triples, values, strict=True)) >= 3
     assert np.abs(found.predict(observation.event) - observation.values).std() < 1.2 * NOISE[0]
+
+
+def test_intervals_hold_hidden_values_as_often_as_they_say():
+    """90 % intervals of a strength that the recording determines: the prior hardly matters."""
+    base = oscillator()
+    extended, rng, inside = base.extend("velocity.drag(velocity)"), np.random.default_rng(4), []
+    space = extended.parameters
+    for _ in range(100):
+        theta = space.nominal * rng.uniform(0.7, 1.3, 3)
+        y = extended.simulate(theta).require_ok().values[0]
+        measured = y + 0.02 * rng.standard_normal(y.shape)
+        seen = Observation(base.event, measured, np.array([0.02]), base.channels, base.units)
+        problem = FitProblem(extended, seen)
+        found = fit_hypothesis(extended.extensions, problem, (theta - space.nominal) / space.scales)
+        ((_, low, high),) = found.parameters_of(extended.extensions[0], width=1.645).values()
+        inside.append(low <= theta[2] <= high)
+    assert 0.8 < np.mean(inside) < 0.97
 
 
 def test_a_fit_goes_on_where_it_stopped(hidden):

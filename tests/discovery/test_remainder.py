@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from errorscreen.discovery import remainder_test
+from errorscreen.exceptions import InputError
 from errorscreen.observations import Observation
 from tests.plants import dip
 
@@ -42,13 +43,19 @@ def test_noise_is_conspicuous_as_often_as_it_should(fitted):
 def test_correlated_noise_is_noise():
     observation = seen(stop=8.0)
     rng = np.random.default_rng(1)
-    p = []
+    swing = 3.0 * np.sin(2 * np.pi * observation.time) * (observation.time > 1.0)
+    p, found = [], []
     for i in range(40):
         w = rng.standard_normal((2, len(observation.time) + 20))
         z = np.array([np.convolve(row, 0.7 ** np.arange(12), "full")[20:][: w.shape[1] - 20] for row in w])
         z /= z.std()
         p.append(remainder_test([observation], z.ravel(), n_bootstrap=200, random_state=i).p_value)
+        found.append(
+            remainder_test([observation], (z + swing).ravel(), n_bootstrap=200, random_state=i).p_value
+        )
     assert np.mean(np.array(p) < 0.05) <= 0.15
+    assert np.mean(p) < 0.6  # a test that never rejects would pass the line above
+    assert np.mean(np.array(found) < 0.05) > 0.9
 
 
 def test_a_swing_is_found_where_it_is():
@@ -68,7 +75,7 @@ def test_a_swing_is_found_where_it_is():
 def test_less_than_noise_is_no_merit():
     observation = seen()
     z = 0.5 * np.random.default_rng(3).standard_normal((2, len(observation.time)))
-    assert remainder_test([observation], z.ravel()).excess < 20
+    assert 0.0 <= remainder_test([observation], z.ravel()).excess < 5
 
 
 def test_gaps_and_several_recordings_keep_their_places():
@@ -80,6 +87,16 @@ def test_gaps_and_several_recordings_keep_their_places():
     z[-len(time) :] += 3.0 * (time > 1.5) * (time < 2.0)  # Q of the second
     found = remainder_test([first, second], z)
     assert {(c.recording, c.channel) for c in found.significant} == {("other", "Q")}
+
+
+def test_too_little_to_tell_is_refused():
+    observation = seen()
+    z = residuals(np.random.default_rng(5), observation)
+    with pytest.raises(InputError, match="n_bootstrap"):
+        remainder_test([observation], z, n_bootstrap=1)
+    short = observation.first(int(np.sum(observation.time < observation.event.start)) + 2)
+    with pytest.raises(InputError, match="enough samples after the start"):
+        remainder_test([short], np.zeros(short.mask.sum()))
 
 
 def test_the_same_seed_gives_the_same_result():

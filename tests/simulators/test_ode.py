@@ -411,8 +411,6 @@ def test_a_recording_that_is_not_fitted_gets_its_own_start():
     event = push("other", 3)
     y = oscillator(event, initial={"position": 0.7, "velocity": -1.0}).baseline()[0]
     model = oscillator(push(), initial={"position": 0.0, "velocity": Parameter("v0", 0.1, -3, 3)})
-    other = oscillator(event, initial={"position": 0.7, "velocity": Parameter("v0", 0.1, -3, 3)})
-    assert other.settled(other.observe(recorded(event, y, "other"))).event is not None
     observation = model.observe(recorded(event, y, "other"))
     assert observation.event.initial == {"velocity": 0.1}
     settled = model.settled(observation)

@@ -14,6 +14,7 @@ from errorscreen.power.reduction import reduce_network
 from errorscreen.power.two_axis_fixed import FixedMachine
 from errorscreen.recordings import Recording
 from errorscreen.simulators import PowerSystemSimulator, Status, Unit, power_system
+from errorscreen.simulators.grid_assembly import grid_effects
 from errorscreen.testing import check_effect, check_simulator
 from tests.plants import random_rows
 from tests.power.grid_reference import trajectory
@@ -248,14 +249,52 @@ def test_event_effects_are_other_events():
     cases = {
         ("fault_duration", 0.05): replace(FAULT, duration=0.15),
         ("fault_impedance", 0.02): replace(FAULT, impedance=0.07j),
-        ("trip_2_3", 1.0): replace(FAULT, opened=(2, 3, 1.0)),
+        ("trip_2_3", 1.0): replace(FAULT, opened=((2, 3, 1.0, None),)),
     }
     for (effect, value), event in cases.items():
         found = SYSTEM.extend(effect).simulate([*nominal, value]).values[0]
         expected = SYSTEM.simulate(nominal, event).values[0]
         assert np.abs(found - expected).max() < 1e-9, effect
-    opened = SYSTEM.simulate(nominal, replace(FAULT, opened=(2, 3, 1.0))).values[0]
+    opened = SYSTEM.simulate(nominal, replace(FAULT, opened=((2, 3, 1.0, None),))).values[0]
     assert abs(opened[1, -1]) < 1e-9  # nothing arrives over a branch that is open
+
+
+@pytest.mark.parametrize("effect", ["fault_duration", "fault_impedance", "trip_3_4"])
+@pytest.mark.parametrize(
+    "event",
+    [replace(FAULT, opened=((2, 3, 1.0, None),)), replace(FAULT, duration=0.0025)],
+    ids=["opened", "short"],
+)
+def test_event_effects_are_identities_on_any_fault(effect, event):
+    extended = SYSTEM.extend(effect)
+    off = extended.parameters.nominal.copy()
+    off[-1] = 0.0
+    expected = SYSTEM.simulate(SYSTEM.parameters.nominal, event).values
+    assert np.array_equal(extended.simulate(off, event).values, expected)
+
+
+def test_two_branches_can_open_and_an_island_is_a_failure():
+    nominal = SYSTEM.parameters.nominal
+    both = SYSTEM.extend("trip_2_3").extend("trip_3_4")
+    event = replace(FAULT, opened=((2, 3, 0.4, None), (3, 4, 0.7, None)))
+    expected = SYSTEM.simulate(nominal, event).values
+    assert np.abs(both.simulate([*nominal, 0.4, 0.7]).values - expected).max() < 1e-12
+    found = both.simulate([[*nominal, 1.0, 1.0], [*nominal, 1.0, 0.0]])  # bus 3 has no other branch
+    assert found.status.tolist() == [Status.FAILED, Status.OK]
+    assert np.isnan(found.values[0]).all()
+
+
+def test_parallel_circuits_open_one_by_one():
+    branches = tuple(
+        b
+        for b in SYSTEM.network.branches
+        for b in ([b, replace(b, circuit="2")] if b.ends == (2, 3) else [b])
+    )
+    grid = replace(SYSTEM.network, branches=branches)
+    trips = [e for e in grid_effects({}, ["U"], grid, [FAULT]) if e.name.startswith("trip")]
+    assert [e.name for e in trips] == ["trip_2_3_1", "trip_2_3_2", "trip_3_4"]
+    (_, _), (_, after) = trips[1].equations(FAULT, 1.0).changes(grid)
+    assert [b.circuit for b in after.branches if b.ends == (2, 3) and b.in_service] == ["1"]
 
 
 def test_records_of_further_events_may_be_wrong_as_well():

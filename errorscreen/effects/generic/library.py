@@ -121,7 +121,7 @@ def generic_effects(anatomy: Anatomy, templates: Iterable[str] | None = None) ->
     ----------
     anatomy : Anatomy
     templates : iterable of str, optional
-        Only these; all where not given.
+        Only these; all where not given. Errors of measured channels and unknown signals are offered in any case.
 
     Returns
     -------

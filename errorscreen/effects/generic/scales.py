@@ -16,7 +16,7 @@ _WIDE = 50.0
 _LEAST = 1e-3
 #: largest rate of a spill times the step: the level rests a twentieth of what arrives in a step above the brim
 _STEEPEST = 20.0
-#: templates whose strength is not known by order of magnitude only: shares, and what may have either sign
+#: templates whose strength is not known by order of magnitude only: shares, and an offset of either sign
 _LINEAR = ("offset", "saturation", "relay_above", "relay_below")
 
 
