@@ -75,6 +75,19 @@ def channel_fits(observation: Observation, responses: ArrayLike) -> list[Channel
     observation : Observation
     responses : array-like of shape (R, L)
         Simulated channels.
+
+    Returns
+    -------
+    list of ChannelFit
+
+    Examples
+    --------
+    >>> from errorscreen.events import Event
+    >>> event = Event(0.1 * np.arange(60), "step", start=1.0)
+    >>> seen = Observation(event, np.ones((1, 60)), np.array([0.1]), ("P",), ("pu",))
+    >>> (fit,) = channel_fits(seen, 1.2 * seen.values)
+    >>> round(fit.rms, 3), round(fit.chi2_per_sample, 3)
+    (0.2, 4.0)
     """
     responses = np.asarray(responses, dtype=float)
     level = quiet_level(observation.values, observation.time, observation.event.start)
@@ -132,6 +145,20 @@ def stage_errors(observation: Observation, responses: ArrayLike) -> list[StageEr
     ----------
     observation : Observation
     responses : array-like of shape (R, L)
+
+    Returns
+    -------
+    list of StageError
+        Of each stage in which something was measured.
+
+    Examples
+    --------
+    >>> from errorscreen.events import Event
+    >>> event = Event(0.1 * np.arange(60), "step", start=1.0)
+    >>> seen = Observation(event, np.ones((1, 60)), np.array([0.1]), ("P",), ("pu",))
+    >>> late = 1 + 0.3 * (event.time > 2)
+    >>> [(error.stage, round(error.share, 2)) for error in stage_errors(seen, [late])]
+    [('before', 0.0), ('fault', 0.0), ('first recovery', 0.0), ('oscillation', 0.54), ('end', 0.46)]
     """
     errors = np.asarray(responses, dtype=float) - observation.values
     limits = stage_limits(observation)

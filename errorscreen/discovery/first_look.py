@@ -74,6 +74,15 @@ def effect_dataset(
     ------
     InputError
         If the simulator has no effects, or an argument cannot be used.
+
+    Examples
+    --------
+    >>> from errorscreen.cases.demo import demo_recordings
+    >>> from errorscreen.simulators import PlantSimulator
+    >>> plant = PlantSimulator("synchronous_machine", demo_recordings(0)[0])
+    >>> data = effect_dataset(plant, 10, effects=["exciter", "lag_P"], random_state=0)
+    >>> data.names[-2:], data.contributions.shape
+    (('exciter', 'lag_P'), (10, 10))
     """
     check_integer(n_samples, "n_samples")
     check_real(share, "share", low=0.0, high=1.0)

@@ -124,6 +124,16 @@ def measure_gain(
     Gain
         A model that cannot be simulated on an event counts with an infinite error there. Where that is the recalibrated
         one, the event is left out of the gain; of such events alone it is 1 if the extended model can be simulated.
+
+    Examples
+    --------
+    >>> from errorscreen.cases.demo import demo_recordings
+    >>> from errorscreen.simulators import PlantSimulator
+    >>> recording, held_out, truth = demo_recordings(0)
+    >>> plant = PlantSimulator("synchronous_machine", recording)
+    >>> right = plant.with_nominal([truth[name] for name in plant.parameters.names])
+    >>> measure_gain(plant, plant, right, held_out).gain > 0.9
+    True
     """
     check_real(level, "level", low=0.0, high=1.0, above=True)
     observations = as_observations(baseline, held_out)

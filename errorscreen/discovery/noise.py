@@ -61,6 +61,14 @@ def noise_limit(observations: Sequence[Observation], responses: Sequence[ArrayLi
     Returns
     -------
     float
+
+    Examples
+    --------
+    >>> from errorscreen.events import Event
+    >>> event = Event(0.1 * np.arange(100), "step", start=0.0)
+    >>> seen = Observation(event, np.ones((1, 100)), np.array([0.1]), ("P",), ("pu",))
+    >>> round(noise_limit([seen], [np.ones((1, 100))]), 3)
+    1.424
     """
     residuals = [
         ((y - o.values) / o.sigma)[o.mask]

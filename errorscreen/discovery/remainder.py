@@ -135,6 +135,16 @@ def remainder_test(
     ------
     InputError
         If there are too few draws, or hardly any samples after the start of the event.
+
+    Examples
+    --------
+    >>> from errorscreen.events import Event
+    >>> event = Event(0.02 * np.arange(300), "step", start=1.0)
+    >>> seen = Observation(event, np.zeros((1, 300)), np.array([1.0]), ("P",), ("pu",))
+    >>> noise = np.random.default_rng(0).standard_normal(300)
+    >>> swing = 2 * np.sin(2 * np.pi * event.time) * (event.time > 1)
+    >>> remainder_test([seen], noise).p_value > 0.05, remainder_test([seen], noise + swing).p_value < 0.01
+    (True, True)
     """
     check_integer(n_bootstrap, "n_bootstrap", low=_FEWEST_DRAWS)
     z = np.asarray(residuals, dtype=float)

@@ -65,6 +65,17 @@ def judge(
     Returns
     -------
     Verdict
+
+    Examples
+    --------
+    >>> from errorscreen.calibration import MAPCalibrator
+    >>> from errorscreen.cases.demo import demo_recordings
+    >>> from errorscreen.simulators import PlantSimulator
+    >>> recording, _, _ = demo_recordings(0)
+    >>> plant = PlantSimulator("synchronous_machine", recording)
+    >>> calibrator = MAPCalibrator(plant, n_starts=2, library_size=64, random_state=0).fit(recording)
+    >>> judge([plant.observe(recording)], [plant.baseline()], calibrator).kind
+    'parameters'
     """
     limit = noise_limit(observations, before)
     z = [o.deviations(y)[o.mask] for o, y in zip(observations, before, strict=True)]
@@ -133,6 +144,18 @@ def held_out_limit(calibrator: Any, observation: Observation) -> tuple[float, fl
         χ²/N of the recording.
     limit : float
         What noise and uncertain parameters explain.
+
+    Examples
+    --------
+    >>> from errorscreen.calibration import MAPCalibrator
+    >>> from errorscreen.cases.demo import demo_recordings
+    >>> from errorscreen.simulators import PlantSimulator
+    >>> recording, held_out, _ = demo_recordings(0)
+    >>> plant = PlantSimulator("synchronous_machine", recording)
+    >>> calibrator = MAPCalibrator(plant, n_starts=2, library_size=64, random_state=0).fit(recording)
+    >>> value, limit = held_out_limit(calibrator, plant.observe(held_out[0]))
+    >>> value < limit
+    True
     """
     simulator, space = calibrator.simulator_, calibrator.simulator_.parameters
     observation = simulator.settled(observation)
