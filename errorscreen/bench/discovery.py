@@ -38,11 +38,11 @@ from errorscreen.exceptions import (
 from errorscreen.simulators import Simulator
 
 SCHEMA_VERSION = 1
-#: hidden scenarios of each case
-CASES: dict[str, Callable[..., Scenario]] = {
-    "plant": draw_plant_scenario,
-    "ieee39": draw_grid_scenario,
-    "traps": draw_trap_scenario,
+#: how a hidden scenario of each case is drawn, and the kinds that are drawn with their shares
+CASES: dict[str, tuple[Callable[..., Scenario], tuple[tuple[str, float], ...]]] = {
+    "plant": (draw_plant_scenario, MIX),
+    "ieee39": (draw_grid_scenario, MIX),
+    "traps": (draw_trap_scenario, TRAP_MIX),
 }
 #: bins of the reliability, and probability of the intervals of rates
 _BINS, _LEVEL = 10, 0.95
@@ -101,9 +101,9 @@ def discovery_study(
         nothing is hidden, ``missed`` where parameters were said to explain an effect, ``outside_unknown``,
         ``outside_place`` (right device) and ``outside_port`` of effects outside the library, ``both_found`` and
         ``both_wrong`` of two effects, each ``{value, interval, n}``; ``by_kind`` and ``by_device``, how many had which
-        outcome; ``held_out_ratio_median``, error of the extended over that of the
-        recalibrated model against the true response where the cause was named rightly; ``true_structure_ratio_median``,
-        the same over a fit of the true structure; ``expected_calibration_error`` and ``reliability``.
+        outcome; ``held_out_ratio_median``, error of the extended over that of the recalibrated model against the true
+        response where the cause was named rightly; ``true_structure_ratio_median``, the same over a fit of the true
+        structure; ``expected_calibration_error`` and ``reliability``.
 
     Raises
     ------
@@ -118,7 +118,8 @@ def discovery_study(
     least_size = check_real(least_size, "the least size", low=0.0)
     if n_jobs == 0:
         raise InputError("the number of jobs is 0", allowed="None, a positive number, or -1 for all cores")
-    started, mix = perf_counter(), TRAP_MIX if case == "traps" else MIX
+    started = perf_counter()
+    _, mix = CASES[case]
     fingerprint = {
         "version": digest(__version__),
         "case": digest(case),
@@ -164,7 +165,8 @@ def run_scenario(
     streams = np.random.SeedSequence(seed, spawn_key=(number,)).spawn(2)
     with warnings.catch_warnings():  # of recordings that look odd, which is meant
         warnings.simplefilter("ignore", DataWarning)
-        hidden = CASES[case](streams[0], noise_db, kind=kind, least_size=least_size)
+        draw, _ = CASES[case]
+        hidden = draw(streams[0], noise_db, kind=kind, least_size=least_size)
         started = perf_counter()
         finder = CauseFinder(hidden.simulator, random_state=int(streams[1].generate_state(1)[0]))
         finder.fit(list(hidden.recordings))

@@ -144,7 +144,7 @@ def paper_study(
     if noise_db is not None:
         noise_db = check_real(noise_db, "noise_db", low=0.0, high=100.0)
     import_network()
-    usual = effort_of(network)
+    usual = effort_of(network)  # an unknown network is refused beside a given effort, too
     out, effort = Path(out), usual if effort is None else effort
     setting = Setting(seed, noise_db, effort)
     started = perf_counter()

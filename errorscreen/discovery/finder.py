@@ -31,7 +31,7 @@ from errorscreen.exceptions import InputError, check_integer, check_real
 from errorscreen.observations import Observation
 from errorscreen.sampling import generator
 from errorscreen.simulators.base import Simulator
-from errorscreen.simulators.observations import as_observations
+from errorscreen.simulators.observations import as_observations, settled_observations
 from errorscreen.simulators.user_functions import identity
 
 #: hypotheses at most so many times less probable than the best cannot be told from it
@@ -217,20 +217,15 @@ class CauseFinder(BaseEstimator):
         """Response (R, L) of the extended simulator to an event, or to that of a recording."""
         check_is_fitted(self, "extended_simulator_")
         if event is not None and not isinstance(event, Event):
-            event = self._settled(event)[0].event
+            event = settled_observations(self.extended_simulator_, event)[0].event
         return self.extended_simulator_.baseline(event)
 
     def score(self, X: Any, y: None = None) -> float:
         """Negative χ²/N of the extended simulator over recordings; -inf if one cannot be simulated."""
         check_is_fitted(self, "extended_simulator_")
-        problem = FitProblem(self.extended_simulator_, self._settled(X))
+        problem = FitProblem(self.extended_simulator_, settled_observations(self.extended_simulator_, X))
         chi2 = float(problem.chi_square(self.extended_simulator_.parameters.nominal)[0])
         return -chi2 / problem.n_values if np.isfinite(chi2) else -np.inf
-
-    def _settled(self, X: Any) -> list[Observation]:
-        """Recordings, with the initial states that suit the extended simulator best where they were not fitted."""
-        model = self.extended_simulator_
-        return [model.settled(observation) for observation in as_observations(model, X)]
 
     @property
     def best_(self) -> Hypothesis:

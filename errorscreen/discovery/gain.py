@@ -26,7 +26,7 @@ from errorscreen.observations import Observation
 from errorscreen.sampling import generator
 from errorscreen.signals import correlation_time
 from errorscreen.simulators.base import Simulator
-from errorscreen.simulators.observations import as_observations
+from errorscreen.simulators.observations import as_observations, settled_observations
 
 #: number of resampled sets
 _RESAMPLED = 1000
@@ -173,7 +173,7 @@ def measure_gain(
 def _deviations(model: Simulator, observations: Sequence[Observation]) -> list[_Array]:
     """Deviations (R, L) from each recording; 0 where nothing was measured, infinite where the model fails."""
     out = []
-    for observation in map(model.settled, observations):
+    for observation in settled_observations(model, observations):
         y = model.simulate(model.parameters.nominal, observation.event).values[0]
         failed = np.isnan(y).any()
         z = np.full(observation.values.shape, np.inf) if failed else observation.deviations(y)

@@ -86,12 +86,8 @@ def _quiet_rows(
     observations: Sequence[Observation], residuals: ArrayLike, trend: str
 ) -> list[NDArray[np.float64]]:
     """Each channel in each quiet part, without a trend."""
-    return [
-        row
-        for observation, z in by_recording(observations, residuals)
-        if quiet_part(observation).any()
-        for row in detrend(z[:, quiet_part(observation)], axis=1, type=trend)
-    ]
+    parts = [z[:, quiet_part(observation)] for observation, z in by_recording(observations, residuals)]
+    return [row for part in parts if part.size for row in detrend(part, axis=1, type=trend)]
 
 
 def by_recording(

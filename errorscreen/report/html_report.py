@@ -108,6 +108,8 @@ def format_number(value: float | None, digits: int = 3) -> str:
     --------
     >>> format_number(1234.5), format_number(999.6), format_number(0.012345), format_number(2.5e-7)
     ('1230', '1000', '0.0123', '2.5e-07')
+    >>> format_number(None)
+    '–'
     """
     if value is None:
         return _DASH

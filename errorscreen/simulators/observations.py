@@ -46,6 +46,19 @@ def as_observations(simulator: Simulator, recordings: Any) -> list[Observation]:
     return observations
 
 
+def settled_observations(simulator: Simulator, recordings: Any) -> list[Observation]:
+    """Return recordings to judge a fitted simulator on, each with the initial state that suits it best.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        With its fitted values as nominal ones, see `Simulator.settled`.
+    recordings
+        As in `as_observations`.
+    """
+    return [simulator.settled(observation) for observation in as_observations(simulator, recordings)]
+
+
 def check_names(parameters: ParameterSpace, names: Iterable[str] | None) -> tuple[str, ...]:
     """Return the names of a selection of parameters, all where none is given.
 

@@ -93,7 +93,7 @@ class ODESimulator(Simulator):
     interpolation : {"linear", "hold", "cubic", "bandlimited"}
         How inputs go on between their samples.
     templates : iterable of str, optional
-        Effects to offer beside errors of outputs: keys of `errorscreen.effects.generic.TEMPLATES` but ``"latent"``.
+        Effects to offer, keys of `errorscreen.effects.generic.TEMPLATES` but ``"latent"``; all where not given.
     effects : iterable of Effect, optional
         The library itself, instead of `templates`.
     compile : bool

@@ -194,6 +194,7 @@ def test_a_recording_that_is_judged_has_its_own_initial_state():
     value, limit = held_out_limit(calibrator, held_out)
     assert 0.8 < value < limit < 1.6
     assert calibrator.score(other) > 100 * calibrator.score(started("another", 2, 0.7, noise=1.0))
+    assert np.sqrt(np.mean((calibrator.predict(other) - held_out.values) ** 2)) < 0.013  # noise is 0.01
     verdict = judge([observation], [model.baseline()], calibrator, [held_out])
     assert verdict.kind == "parameters"
     right = model.with_nominal(calibrator.theta_)
