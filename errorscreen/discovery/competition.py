@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable, Sequence
 from functools import partial
 from zlib import crc32
@@ -11,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.discovery.hypotheses import SLICE, Hypothesis, JointFit, fit_hypothesis, linearised, race
+from errorscreen.discovery.hypotheses import Hypothesis, JointFit, fit_hypothesis, linearised
 from errorscreen.discovery.journal import Journal
 from errorscreen.discovery.remainder import Remainder, remainder_test
 from errorscreen.discovery.restarts import elsewhere, escapes, followed, off_the_edge, searched
 from errorscreen.discovery.signatures import SignatureSearch, projected
+from errorscreen.discovery.waves import anew, promised
 from errorscreen.effects.base import Effect
-from errorscreen.exceptions import SimulationError
 from errorscreen.observations import Observation
 from errorscreen.simulators.base import Simulator
 
@@ -28,8 +27,8 @@ _WORTH = 4.0
 #: effects with the best signatures, for each that is fitted to the end, whose joint fit begins; beside another effect
 #: that explains most of it, signatures say more
 _TRIED, _TRIED_BESIDE = 2, 1
-#: starts that are followed, and those that are kept after the first iterations
-_BEGUN, _KEPT = 3, 2
+#: ways out of a local minimum that are followed
+_KEPT = 2
 #: times that a fit is led out of a local minimum
 _ESCAPES = 3
 #: what leaves more than this share of what parameters leave is not worth it
@@ -39,12 +38,10 @@ _FEW = 8
 #: a fit whose χ²/N is at most this is tried with a step so many times smaller, and fitted with it if the linear model
 #: promises to leave at most this share of what is beyond noise
 _NEAR, _FINER, _LEFT = 50.0, 4, 0.5
+#: where nothing leaves less than this share of what parameters leave, all effects are fitted from nominal parameters
+_NEARLY = 0.02
 #: what leaves more than this share of what parameters leave will not be named
 _NAMED = 0.1
-#: simulations of all parameters together, from which further starts of a single effect are taken: at most, and for each
-#: parameter of the model
-_MATCHES, _MATCHES_EACH = 256, 32
-
 _Array = NDArray[np.float64]
 
 
@@ -98,6 +95,7 @@ class Competition:
         self.signatures: dict[str, float] = {}
         self.n_simulations = 0
         self._spread_out: set[str] = set()
+        self._led: set[float] = set()  # objectives of fits that have no way out
         self._keep(base, self._test(base))
         self._polish(base)
 
@@ -153,25 +151,28 @@ class Competition:
         wanted = tried * self.n_fits
         searches = self._signatures(base, others)
         self.tell(f"joint fits of {min(wanted, len(searches))} of them")
-        fitted = sorted(self._compete(base, searches[:wanted]), key=lambda h: h.objective)
+        self._compete(base, searches[:wanted], self._promised_fits)
+        if depth == 1 and not self.adequate and not self._explained(1, _NEARLY):
+            self.tell(f"joint fits of all {len(searches)} from the nominal parameters")
+            self._compete(base, searches, self._fits_anew)
         self.n_simulations += sum(search.problem.n_simulations for search in searches)
-        fitted[:_BEAM] = [self._escape(hypothesis) for hypothesis in fitted[:_BEAM]]
-        if fitted and not self.adequate:
-            best = min(range(len(fitted)), key=lambda i: fitted[i].objective)
-            fitted[best] = self._polish(fitted[best])
-            if depth == 1 and not self.adequate:  # pairs are dearer, and make up for a wrong minimum
-                fitted[best] = self._everywhere(fitted[best])
+        if depth == 1 and not self.adequate and self._beside(base):
+            self._everywhere(self._beside(base)[0])  # pairs are dearer, and make up for a wrong minimum
         if depth < self.max_effects and not self.adequate:
-            fitted.sort(key=lambda h: -h.evidence)
-            for hypothesis in fitted[:_BEAM]:
+            for hypothesis in sorted(self._beside(base), key=lambda h: -h.evidence)[:_BEAM]:
                 self._extend(hypothesis, candidates, depth + 1)
-                if self.adequate or not self._worth_more(depth + 1):
+                if self.adequate or not self._explained(depth + 1, _PART):
                     break
 
-    def _worth_more(self, size: int) -> bool:
-        """Whether so many effects together leave little enough for another beginning to be tried."""
-        left = [self.remainders[h.name].excess for h in self.hypotheses if len(h.effects) == size]
-        return min(left, default=0.0) < _PART * self.remainders[self.base.name].excess
+    def _beside(self, base: Hypothesis) -> list[Hypothesis]:
+        """Those with one effect more than another one, the lowest first."""
+        more = [h for h in self.hypotheses if len(h.effects) == len(base.effects) + 1]
+        return sorted((h for h in more if set(h.effects) > set(base.effects)), key=lambda h: h.objective)
+
+    def _explained(self, size: int, share: float) -> bool:
+        """Whether so many effects leave less than this share of what parameters leave."""
+        enough = share * self.remainders[self.base.name].excess
+        return any(self.remainders[h.name].excess < enough for h in self.hypotheses if len(h.effects) == size)
 
     def _signatures(self, base: Hypothesis, effects: Sequence[Effect]) -> list[SignatureSearch]:
         """Searches for signatures at the fitted values and at the nominal ones, the most promising first."""
@@ -183,45 +184,48 @@ class Competition:
             zero = np.zeros(len(base.u))
             points.append((zero, linearised(problem, zero)[1]))
             self.n_simulations += problem.n_simulations
-        seeds = [
-            # by its name: what else a library holds does not matter
-            np.random.SeedSequence(self.seed, spawn_key=(crc32(e.name.encode()), len(base.effects)))
-            for e in effects
-        ]
         searches = [
-            SignatureSearch(simulator, observations, effect, points, self.n_draws, seed)
-            for effect, seed in zip(effects, seeds, strict=True)
+            SignatureSearch(simulator, observations, effect, points, self.n_draws, self._seed(base, effect))
+            for effect in effects
         ]
         searches = self._journal.raced(searches, self.n_fits)
         if not base.effects:
             self.signatures |= {s.effect.name: s.objective for s in searches if np.isfinite(s.objective)}
         return searches
 
-    def _compete(self, base: Hypothesis, searches: Sequence[SignatureSearch]) -> list[Hypothesis]:
-        """Fit effects for a few iterations each and those that get furthest to the end."""
+    def _compete(
+        self,
+        base: Hypothesis,
+        searches: Sequence[SignatureSearch],
+        fits: Callable[[Hypothesis, Sequence[SignatureSearch]], Sequence[JointFit]],
+    ) -> None:
+        """Fit one effect more each, and lead the best of them as far as they go."""
         problems = {search.effect.name: search.problem for search in searches}
-        done = self._journal.all_fitted(
-            base.effects, problems, lambda: [fit.hypothesis() for fit in self._raced(base, searches)]
-        )
-        for hypothesis in done:
-            self._keep(hypothesis, self._test(hypothesis))
-        return done
+        for fitted in self._journal.all_fitted(
+            base.effects, problems, lambda: [fit.hypothesis() for fit in fits(base, searches)]
+        ):
+            before = next((h for h in self.hypotheses if set(h.effects) == set(fitted.effects)), None)
+            if before is None or fitted.objective < before.objective - _WORTH:
+                self._keep(fitted, self._test(fitted), before)
+        for hypothesis in self._beside(base)[:_BEAM]:
+            if hypothesis.objective not in self._led:
+                self._led.add(self._escape(hypothesis).objective)
+        if not self.adequate and self._beside(base):
+            self._polish(self._beside(base)[0])
 
-    def _raced(self, base: Hypothesis, searches: Sequence[SignatureSearch]) -> Sequence[JointFit]:
-        """Joint fits that got furthest."""
+    def _promised_fits(self, base: Hypothesis, searches: Sequence[SignatureSearch]) -> Sequence[JointFit]:
         threshold = base.objective - _WORTH if self.is_adequate(base) else np.inf
         known = {frozenset(e.name for e in h.effects) for h in self.hypotheses}
-        matches = 0 if base.effects else min(_MATCHES, _MATCHES_EACH * len(base.u))
-        fits = []
-        for search in searches:
-            effects = (*base.effects, search.effect)
-            hopeless = search.objective > threshold or not np.isfinite(search.objective)
-            if hopeless or frozenset(e.name for e in effects) in known:
-                continue
-            with contextlib.suppress(SimulationError):
-                starts = search.starts(matches)
-                fits.append(JointFit(effects, search.problem, starts).keep(_BEGUN).run(SLICE).keep(_KEPT))
-        return race(sorted(fits, key=lambda fit: fit.objective)[: self.n_fits])
+        return promised(base, searches, self.n_fits, known, threshold)
+
+    def _fits_anew(self, base: Hypothesis, searches: Sequence[SignatureSearch]) -> Sequence[JointFit]:
+        return anew(base, searches, self.n_fits, [self._seed(base, s.effect, 1) for s in searches])
+
+    def _seed(self, base: Hypothesis, effect: Effect, *use: int) -> np.random.SeedSequence:
+        """Of what is drawn for one effect, by its name: what else a library holds does not matter."""
+        return np.random.SeedSequence(
+            self.seed, spawn_key=(crc32(effect.name.encode()), len(base.effects), *use)
+        )
 
     def _escape(self, hypothesis: Hypothesis) -> Hypothesis:
         """Follow ways out of a local minimum, as long as they lead lower; with few parameters, search everywhere."""

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from errorscreen.calibration.problem import FitProblem
@@ -136,6 +136,28 @@ class SignatureSearch:
             self.problem, np.array([start[self._k :] for start in starts]), n_matches, self._rng
         )
         return np.array(starts)
+
+    def scattered(self, u: ArrayLike, n: int, random_state: Any) -> _Array:
+        """Where joint fits should begin if the other parameters lie at u, whatever the linear model promises.
+
+        Parameters
+        ----------
+        u : array-like of shape (k,)
+            In units of the scales.
+        n : int
+            Values of the effect's own parameters: those that promise most, and others from all over their ranges.
+        random_state : None, int, SeedSequence, Generator or RandomState
+
+        Returns
+        -------
+        ndarray of shape (n, k + d)
+        """
+        shares = latin_hypercube(self._unit, n, generator(random_state))
+        known = [best[0] for best in self._best if best]
+        if known:
+            shares[0] = min(known, key=lambda item: item[0])[1]
+        own = spread_over(self.problem.space, self._k, shares, [self.effect])
+        return np.hstack([np.tile(np.asarray(u, dtype=float), (n, 1)), own])
 
     def packed(self) -> dict[str, NDArray[np.generic]]:
         """All that another search of the same kind needs to go on from here."""

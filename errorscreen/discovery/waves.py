@@ -1,0 +1,98 @@
+"""Joint fits with one effect more: first from what signatures promise, then of all effects from nominal parameters.
+
+A signature is linear in the parameters. Where these have made up for much of an effect, or would have to move far
+beside it, it overlooks the effect; some iterations of a joint fit from the nominal values do not, but cost more.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Collection, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from errorscreen.discovery.hypotheses import SLICE, Hypothesis, JointFit, race
+from errorscreen.discovery.signatures import SignatureSearch
+from errorscreen.exceptions import SimulationError
+
+#: starts that are followed from what a signature promises, and those that are kept after the first iterations
+_BEGUN, _KEPT = 3, 2
+#: values of an effect's own parameters from which fits begin beside nominal ones, iterations after which some of them
+#: are dropped, and effects that go on then for each that is fitted to the end
+_SCATTERED, _FIRST, _HALFWAY = 4, 2, 3
+#: simulations of all parameters together, from which further starts of a single effect are taken: at most, and for each
+#: parameter of the model
+_MATCHES, _MATCHES_EACH = 256, 32
+
+
+def promised(
+    base: Hypothesis,
+    searches: Sequence[SignatureSearch],
+    n_fits: int,
+    known: Collection[frozenset[str]],
+    threshold: float,
+) -> Sequence[JointFit]:
+    """Fit effects for a few iterations from their signatures, and those that get furthest to the end.
+
+    Parameters
+    ----------
+    base : Hypothesis
+        To which the effects are added.
+    searches : sequence of SignatureSearch
+        Of these effects.
+    n_fits : int
+        How many are fitted to the end.
+    known : collection of frozenset of str
+        Names of effects that have been fitted together.
+    threshold : float
+        Effects that promise no lower objective are left out.
+    """
+    matches = 0 if base.effects else min(_MATCHES, _MATCHES_EACH * len(base.u))
+    fits = []
+    for search in searches:
+        effects = (*base.effects, search.effect)
+        hopeless = search.objective > threshold or not np.isfinite(search.objective)
+        if hopeless or frozenset(e.name for e in effects) in known:
+            continue
+        with contextlib.suppress(SimulationError):
+            starts = search.starts(matches)
+            fits.append(JointFit(effects, search.problem, starts).keep(_BEGUN).run(SLICE).keep(_KEPT))
+    return race(_furthest(fits, n_fits))
+
+
+def anew(
+    base: Hypothesis,
+    searches: Sequence[SignatureSearch],
+    n_fits: int,
+    seeds: Sequence[np.random.SeedSequence],
+) -> Sequence[JointFit]:
+    """Fit effects for a few iterations from the nominal parameters, and those that get furthest to the end.
+
+    Of an effect that may act in each of several recordings, only the best goes on: it would crowd out all others.
+
+    Parameters
+    ----------
+    base : Hypothesis
+        To which the effects are added; parameters of its own effects begin where they were fitted.
+    searches : sequence of SignatureSearch
+        Of these effects.
+    n_fits : int
+        How many are fitted to the end.
+    seeds : sequence of SeedSequence
+        One for each search.
+    """
+    own = {e.local(p.name) for e in base.effects for p in e.parameters}
+    nominal: NDArray[np.float64] = np.where([name in own for name in base.names], base.u, 0.0)
+    begun: dict[str, list[JointFit]] = {}
+    for search, seed in zip(searches, seeds, strict=True):
+        with contextlib.suppress(SimulationError):
+            starts = search.scattered(nominal, _SCATTERED, seed)
+            fit = JointFit((*base.effects, search.effect), search.problem, starts).run(_FIRST).keep(_KEPT)
+            begun.setdefault(search.effect.original, []).append(fit)
+    fits = _furthest([_furthest(same, 1)[0] for same in begun.values()], _HALFWAY * n_fits)
+    return race(_furthest([fit.run(_FIRST).keep(1) for fit in fits], n_fits))
+
+
+def _furthest(fits: Collection[JointFit], n: int) -> list[JointFit]:
+    return sorted(fits, key=lambda fit: fit.objective)[:n]
