@@ -47,7 +47,7 @@ class CauseFinder(BaseEstimator):
 
     All hypotheses (parameters only, each effect of the library, pairs of them) are fitted together with all
     parameters. One is *adequate* if what it leaves passes the test for noise (`remainder_test`). Adequate ones are
-    compared by their evidence. If there is none, an effect that explains nearly all of what parameters leave (98 %;
+    compared by their evidence. If there is none, an effect that explains nearly all of what parameters leave (95 %;
     two together 99.7 %) is named, with the remark that its form is not the library's; otherwise the verdict is
     "unknown", with the place where something enters (`rank_places`).
 

@@ -15,8 +15,8 @@ _MISSING = 0.5
 #: the noise that no one has modelled would otherwise be named
 _MARGIN = 10.0
 #: an effect in another form than the library's leaves at most about this share of what parameters leave (in amplitude
-#: 14 %)
-_FORM = 0.02
+#: 22 %); what no library holds leaves twice as much and more beside the nearest effect
+_FORM = 0.05
 #: two effects together have so much freedom that they also make up for a form that is wrong: they must leave less
 _FORM_OF_TWO = 0.003
 #: a second effect that explains less than this is the form of the first one, a limit that is harder or softer
