@@ -219,7 +219,7 @@ class Competition:
         return promised(base, searches, self.n_fits, known, threshold)
 
     def _fits_anew(self, base: Hypothesis, searches: Sequence[SignatureSearch]) -> Sequence[JointFit]:
-        return anew(base, searches, self.n_fits, [self._seed(base, s.effect, 1) for s in searches])
+        return anew(searches, self.n_fits, [self._seed(base, s.effect, 1) for s in searches])
 
     def _seed(self, base: Hypothesis, effect: Effect, *use: int) -> np.random.SeedSequence:
         """Of what is drawn for one effect, by its name: what else a library holds does not matter."""

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from errorscreen.calibration.problem import FitProblem
@@ -137,13 +137,11 @@ class SignatureSearch:
         )
         return np.array(starts)
 
-    def scattered(self, u: ArrayLike, n: int, random_state: Any) -> _Array:
-        """Where joint fits should begin if the other parameters lie at u, whatever the linear model promises.
+    def scattered(self, n: int, random_state: Any) -> _Array:
+        """Where joint fits should begin at the nominal parameters, whatever the linear model promises.
 
         Parameters
         ----------
-        u : array-like of shape (k,)
-            In units of the scales.
         n : int
             Values of the effect's own parameters: those that promise most, and others from all over their ranges.
         random_state : None, int, SeedSequence, Generator or RandomState
@@ -157,7 +155,7 @@ class SignatureSearch:
         if known:
             shares[0] = min(known, key=lambda item: item[0])[1]
         own = spread_over(self.problem.space, self._k, shares, [self.effect])
-        return np.hstack([np.tile(np.asarray(u, dtype=float), (n, 1)), own])
+        return np.hstack([np.zeros((n, self._k)), own])
 
     def packed(self) -> dict[str, NDArray[np.generic]]:
         """All that another search of the same kind needs to go on from here."""

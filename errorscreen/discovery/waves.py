@@ -10,7 +10,6 @@ import contextlib
 from collections.abc import Collection, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from errorscreen.discovery.hypotheses import SLICE, Hypothesis, JointFit, race
 from errorscreen.discovery.signatures import SignatureSearch
@@ -62,33 +61,26 @@ def promised(
 
 
 def anew(
-    base: Hypothesis,
-    searches: Sequence[SignatureSearch],
-    n_fits: int,
-    seeds: Sequence[np.random.SeedSequence],
+    searches: Sequence[SignatureSearch], n_fits: int, seeds: Sequence[np.random.SeedSequence]
 ) -> Sequence[JointFit]:
-    """Fit effects for a few iterations from the nominal parameters, and those that get furthest to the end.
+    """Fit single effects for a few iterations from the nominal parameters, and those that get furthest to the end.
 
     Of an effect that may act in each of several recordings, only the best goes on: it would crowd out all others.
 
     Parameters
     ----------
-    base : Hypothesis
-        To which the effects are added; parameters of its own effects begin where they were fitted.
     searches : sequence of SignatureSearch
-        Of these effects.
+        Of these effects, beside parameters alone.
     n_fits : int
         How many are fitted to the end.
     seeds : sequence of SeedSequence
         One for each search.
     """
-    own = {e.local(p.name) for e in base.effects for p in e.parameters}
-    nominal: NDArray[np.float64] = np.where([name in own for name in base.names], base.u, 0.0)
     begun: dict[str, list[JointFit]] = {}
     for search, seed in zip(searches, seeds, strict=True):
         with contextlib.suppress(SimulationError):
-            starts = search.scattered(nominal, _SCATTERED, seed)
-            fit = JointFit((*base.effects, search.effect), search.problem, starts).run(_FIRST).keep(_KEPT)
+            starts = search.scattered(_SCATTERED, seed)
+            fit = JointFit([search.effect], search.problem, starts).run(_FIRST).keep(_KEPT)
             begun.setdefault(search.effect.original, []).append(fit)
     fits = _furthest([_furthest(same, 1)[0] for same in begun.values()], _HALFWAY * n_fits)
     return race(_furthest([fit.run(_FIRST).keep(1) for fit in fits], n_fits))

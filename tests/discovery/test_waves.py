@@ -51,7 +51,7 @@ def test_fits_begin_at_nominal_parameters_and_all_over_the_effects_own(spring):
     effect = next(e for e in model.effects if e.name == HIDDEN)
     base = fit_hypothesis((), FitProblem(model, observation), np.zeros(2))
     (search,) = searches_of(model, [observation], [effect], base)
-    begun = search.scattered(np.zeros(2), 5, 0)
+    begun = search.scattered(5, 0)
     assert begun.shape == (5, 3)
     assert np.array_equal(begun[:, :2], np.zeros((5, 2)))
     best = search.starts()[0, 2]
@@ -59,7 +59,7 @@ def test_fits_begin_at_nominal_parameters_and_all_over_the_effects_own(spring):
     lower, upper = search.problem.scaled_bounds
     assert np.all((begun[:, 2] >= lower[2]) & (begun[:, 2] <= upper[2]))
     assert min(begun[1:, 2]) < 0 < max(begun[1:, 2])
-    assert np.array_equal(begun, search.scattered(np.zeros(2), 5, 0))
+    assert np.array_equal(begun, search.scattered(5, 0))
 
 
 def test_the_right_effect_gets_furthest(spring):
@@ -67,7 +67,7 @@ def test_the_right_effect_gets_furthest(spring):
     base = fit_hypothesis((), FitProblem(model, observation), np.zeros(2))
     effects = [e for e in candidates(model, [observation]) if e.minima == 1]
     searches = searches_of(model, [observation], effects, base)
-    fits = anew(base, searches, 3, seeds(searches))
+    fits = anew(searches, 3, seeds(searches))
     assert len(fits) == 3
     assert [e.name for e in min(fits, key=lambda fit: fit.objective).effects] == [HIDDEN]
 
@@ -84,5 +84,5 @@ def test_only_the_best_recording_of_an_effect_goes_on(where):
     effects = [e for e in candidates(machine, observations) if e.original == "oscillation"]
     assert len(effects) == 2
     searches = searches_of(machine, observations, effects, base)
-    (fit,) = anew(base, searches, 3, seeds(searches))
+    (fit,) = anew(searches, 3, seeds(searches))
     assert [e.recording for e in fit.effects] == [where]
