@@ -6,10 +6,10 @@ models is compared: as it was, recalibrated, and extended. The gain is
 .. math:: g = 1 - \frac{\sum z_{ext}^2}{\sum z_{recal}^2}                                        \qquad (D4)
 
 over all held-out events. Its interval comes from a bootstrap over events and, within each, over blocks of time (the
-moving-block bootstrap of Künsch, Ann. Statist. 17, 1989, because errors are smooth in time), which are two correlation
-times of the recalibrated model's errors long, but at most a quarter of the record. What a *placebo* gains, the
-extension by a wrong effect with as many parameters where one was fitted, shows how much any additional freedom would
-have gained.
+circular block bootstrap of Politis and Romano, in *Exploring the Limits of Bootstrap*, 1992, because errors are smooth
+in time), which are two correlation times of the recalibrated model's errors long, but at most a quarter of the record.
+What a *placebo* gains, the extension by a wrong effect with as many parameters where one was fitted, shows how much any
+additional freedom would have gained.
 """
 
 from __future__ import annotations
@@ -196,6 +196,6 @@ def _gain(old: float, new: float) -> float:
 
 
 def _blocks(length: int, width: int, rng: np.random.Generator) -> NDArray[np.int64]:
-    """Indices of moving blocks that together are as long as the series."""
-    starts = rng.integers(length - width + 1, size=-(-length // width))
-    return np.asarray((starts[:, None] + np.arange(width)).ravel()[:length])
+    """Indices of blocks on a circle that together are as long as the series: each sample is drawn as often."""
+    starts = rng.integers(length, size=-(-length // width))
+    return np.asarray((starts[:, None] + np.arange(width)).ravel()[:length] % length)

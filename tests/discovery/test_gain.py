@@ -121,6 +121,25 @@ def test_smooth_errors_without_gain_seldom_look_like_one(dt, samples):
     assert above <= 8
 
 
+@pytest.mark.parametrize("part", [slice(198, None), slice(None, 2)], ids=["last", "first"])
+def test_the_interval_holds_the_gain_where_the_errors_lie_at_one_end(part):
+    """The old model is wrong all over, smoothly, the extended one in the hundredth that blocks inside seldom reach."""
+    event = InputSignal(0.1 * np.arange(200), "record", 0.0)
+    old = 10.0 * np.sin(np.linspace(0.0, 3.0, 200)) + 5.0
+    new = np.zeros(200)
+    new[part] = 25.0
+    models = [
+        CallableSimulator(
+            lambda theta, event, y=y: y, [Parameter("a", 1.0, 0.5, 2.0)], event, outputs={"y": "1"}
+        )
+        for y in (old, new)
+    ]
+    seen = Observation(event, np.zeros((1, 200)), np.ones(1), ("y",), ("1",))
+    found = measure_gain(models[0], *models, seen)
+    assert found.interval[0] < found.gain < found.interval[1]
+    assert found.gain == pytest.approx(1.0 - np.sum(new**2) / np.sum(old**2))
+
+
 def test_bad_arguments_are_refused(case):
     old, true, _, recordings = case
     with pytest.raises(InputError, match="list of recordings is empty"):
