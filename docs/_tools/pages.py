@@ -33,7 +33,7 @@ MEASURED = {
     "paper_without_noise": "errorscreen bench paper --draws 50 --seed 2026",  # its part above table 2
     "ten_parameters": "python benchmarks/ten_parameters.py",
     "grid_search": "python benchmarks/grid_search.py",
-    "discovery": "errorscreen bench discovery --case plant --scenarios 200 --seed 107",
+    "discovery": "errorscreen bench discovery --case plant --scenarios 200 --seed 149",
     "first_look": "python benchmarks/first_look.py",
     "traps": "errorscreen bench discovery --case traps --scenarios 700 --seed 67",
     "measured_systems": "python benchmarks/measured_systems.py DATA",
