@@ -6,6 +6,7 @@ import argparse
 import io
 import os
 import shutil
+import signal
 import sys
 import tempfile
 import warnings
@@ -19,6 +20,8 @@ from errorscreen.exceptions import ErrorscreenError, InputError
 
 #: exit codes: bad input, a failure on the way, interrupted (as shells count it)
 BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
+#: interrupts that have come
+_interrupts: list[int] = []
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -69,12 +72,31 @@ def script() -> None:
     After Ctrl-C the process ends at once. Otherwise Python would kill it by the signal instead of returning 130 if the
     interrupt fell into code that a library had generated while it was being imported.
     """
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _interrupt)
     code = main()
     if code == INTERRUPTED:
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(code)
     sys.exit(code)
+
+
+def _interrupt(number: int, frame: Any) -> None:
+    _interrupts.append(number)
+    raise KeyboardInterrupt
+
+
+def _teller(show: bool) -> Callable[[str], None]:
+    """Print lines of progress, and raise an interrupt again that a library has kept quiet about."""
+
+    def tell(line: str) -> None:
+        if _interrupts:
+            raise KeyboardInterrupt
+        if show:
+            print(line, file=sys.stderr, flush=True)
+
+    return tell
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -238,7 +260,7 @@ def _bench_paper(options: argparse.Namespace, out: str) -> None:
     given = {name: value for name, value in given.items() if value is not None}
     paper_study(
         folder,
-        lambda line: print(line, file=sys.stderr, flush=True) if show else None,
+        _teller(show),
         draws=options.draws,
         seed=options.seed,
         noise_db=options.noise_db,
@@ -262,7 +284,7 @@ def _bench_discovery(options: argparse.Namespace, out: str) -> None:
     show = not options.quiet
     discovery_study(
         folder,
-        lambda line: print(line, file=sys.stderr, flush=True) if show else None,
+        _teller(show),
         case=options.case,
         scenarios=options.scenarios,
         seed=options.seed,
@@ -288,7 +310,7 @@ def _study(prepare: Callable[[], Any], out: Path, options: argparse.Namespace) -
         study,
         out,
         progress=show,
-        report=lambda line: print(line, file=sys.stderr, flush=True) if show else None,
+        report=_teller(show),
     )
     written = write_outputs(outcome, out)
     print(f"{study.title}: {outcome.verdict.kind}\n{outcome.verdict.text}")

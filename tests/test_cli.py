@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from errorscreen import workflow
+from errorscreen import cli, workflow
 from errorscreen.cases.demo import demo_recordings
 from errorscreen.cli import main
 from errorscreen.report import read_result
@@ -286,6 +286,15 @@ def test_interrupt_keeps_what_was_finished(tmp_path):
     assert b"Traceback" not in error
     assert len(list(stages.glob("*/screening-sensitivity.npz"))) == 1
     assert not (tmp_path / "out" / "result.json").exists()
+
+
+def test_an_interrupt_that_a_library_swallows_is_not_lost(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(cli, "_interrupts", [])
+    with pytest.raises(KeyboardInterrupt):
+        cli._interrupt(signal.SIGINT, None)
+    case = folder(tmp_path, CASE)
+    assert main(["run", case, "--out", str(tmp_path / "out"), "--quiet"]) == 130
+    assert "give the same command again" in capsys.readouterr().err
 
 
 def test_a_model_that_cannot_start_at_the_recorded_values_is_bad_input(tmp_path, capsys):

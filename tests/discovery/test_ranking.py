@@ -83,7 +83,7 @@ def test_an_effect_of_another_form_is_named_by_its_kind():
     assert high - low == pytest.approx(2 * 1.645 * 2.0**0.5, rel=1e-3)
 
 
-@pytest.mark.parametrize("left", [30.0, 400.0])
+@pytest.mark.parametrize("left", [60.0, 400.0])
 def test_what_leaves_too_much_is_unknown(left):
     (only,) = rank_causes(competition(((), 1000.0, 0.001, -500.0), ((EXCITER,), left, 0.001, -20.0)))
     assert (only.name, only.probability) == ("unknown", 1.0)
@@ -93,7 +93,7 @@ def test_two_effects_that_make_up_for_a_wrong_form_are_not_named():
     (only,) = rank_causes(
         competition(
             ((), 1000.0, 0.001, -500.0),
-            ((EXCITER,), 50.0, 0.001, -60.0),
+            ((EXCITER,), 80.0, 0.001, -60.0),
             ((EXCITER, GOVERNOR), 10.0, 0.001, -20.0),
         )
     )
@@ -104,7 +104,7 @@ def test_two_effects_that_leave_hardly_anything_are_named():
     first, other = rank_causes(
         competition(
             ((), 1000.0, 0.001, -500.0),
-            ((EXCITER,), 50.0, 0.001, -60.0),
+            ((EXCITER,), 80.0, 0.001, -60.0),
             ((EXCITER, GOVERNOR), 0.5, 0.001, -20.0),
         )
     )

@@ -54,7 +54,7 @@ def test_a_step_up_takes_its_size_times_the_strength(Tr, low, step):
         return ramp_limit(u, x, Tr, TAU, 1.0 / Tr)
 
     x = solve_ivp(
-        lambda t, y: [acting(high, y[0])[1]], (0, t[-1]), [low], t_eval=t, max_step=TAU / 2, rtol=1e-9
+        lambda t, y: [acting(high, y[0])[1]], (0, t[-1]), [low], t_eval=t, max_step=TAU / 20, rtol=1e-9
     ).y[0]
     found = np.array([acting(high, a)[0] for a in x])
     assert np.abs(found - np.minimum(high, low + (t + TAU) / Tr)).max() < 1e-4
