@@ -35,6 +35,7 @@ MEASURED = {
     "grid_search": "python benchmarks/grid_search.py",
     "discovery": "errorscreen bench discovery --case plant --scenarios 200 --seed 149",
     "discovery_ieee39": "errorscreen bench discovery --case ieee39 --scenarios 200 --seed 151",
+    "discovery_curves": "python benchmarks/discovery_curves.py OUT",
     "first_look": "python benchmarks/first_look.py",
     "traps": "errorscreen bench discovery --case traps --scenarios 700 --seed 67",
     "measured_systems": "python benchmarks/measured_systems.py DATA",
