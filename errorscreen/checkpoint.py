@@ -6,6 +6,7 @@ import dataclasses
 import hashlib
 import os
 from collections.abc import Iterable, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,15 @@ def digest(*values: Any) -> str:
     state = hashlib.sha256()
     _feed(state, values)
     return state.hexdigest()
+
+
+@cache
+def program() -> str:
+    """Fingerprint of this package's code: what an earlier state of it has computed does not count as finished."""
+    folder = Path(__file__).parent
+    return digest(
+        [(path.relative_to(folder).as_posix(), path.read_bytes()) for path in sorted(folder.rglob("*.py"))]
+    )
 
 
 def _feed(state: Any, value: Any) -> None:

@@ -35,6 +35,9 @@ class Observation:
     modes : ndarray of shape (K, R, L), optional
         Slow errors that the noise of injected signals makes behind the dynamics of the model: each mode times an
         independent standard normal number adds to the errors. None where not given.
+    passed : ndarray of shape (R,), optional
+        Energy of what the noise of injected signals makes in the model that `noise`, `extra` and `modes` were estimated
+        with, in squared deviations, see `Simulator.passed_noise`. None where nothing is injected.
     """
 
     event: Event
@@ -46,6 +49,7 @@ class Observation:
     extra: NDArray[np.float64] | None = None
     level_std: NDArray[np.float64] | None = None
     modes: NDArray[np.float64] | None = None
+    passed: NDArray[np.float64] | None = None
 
     @property
     def sigma(self) -> NDArray[np.float64]:
@@ -130,6 +134,7 @@ class Observation:
             values=self.values[:, :samples],
             extra=None if self.extra is None else self.extra[:, :samples],
             modes=None if self.modes is None else np.asarray(self.modes)[..., :samples],
+            passed=None,  # that of the whole
         )
 
     @property

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from scipy.stats import binomtest
 from tqdm import tqdm
 
-from errorscreen import __version__
 from errorscreen.bench.discovery_output import write_discovery
 from errorscreen.bench.grid_scenarios import draw_grid_scenario
 from errorscreen.bench.plant_scenarios import draw_plant_scenario
@@ -24,7 +23,7 @@ from errorscreen.bench.scenarios import LEAST_SIZE, MIX, Scenario
 from errorscreen.bench.timing import machine
 from errorscreen.bench.trap_scenarios import TRAP_MIX, draw_trap_scenario
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.checkpoint import Checkpoint, digest
+from errorscreen.checkpoint import Checkpoint, digest, program
 from errorscreen.discovery import CauseFinder
 from errorscreen.discovery.hypotheses import JointFit
 from errorscreen.exceptions import (
@@ -121,7 +120,7 @@ def discovery_study(
     started = perf_counter()
     _, mix = CASES[case]
     fingerprint = {
-        "version": digest(__version__),
+        "program": program(),
         "case": digest(case),
         "seed, noise and size": digest(seed, noise_db, least_size),
         "mix": digest(mix),
@@ -198,6 +197,10 @@ def run_scenario(
         "chi2_per_sample": {
             "parameters": next(h for h in finder.hypotheses_ if not h.effects).chi2_per_sample,
             "chosen": finder.best_.chi2_per_sample,
+        },
+        "converged": {
+            "parameters": next(h for h in finder.hypotheses_ if not h.effects).converged,
+            "chosen": finder.best_.converged,
         },
         "left": _left(finder),
         "closest": {

@@ -13,7 +13,6 @@ from joblib import Parallel, delayed
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from errorscreen import __version__
 from errorscreen.augmentation import enlarge_dataset
 from errorscreen.bench.paper_draw import (
     CALIBRATED,
@@ -31,7 +30,7 @@ from errorscreen.bench.paper_draw import (
 from errorscreen.bench.paper_output import write_paper
 from errorscreen.bench.timing import machine
 from errorscreen.cases import load_ieee39
-from errorscreen.checkpoint import Checkpoint, digest
+from errorscreen.checkpoint import Checkpoint, digest, program
 from errorscreen.exceptions import InputError, check_integer, check_real, unknown_name
 from errorscreen.features import ResponseErrorTransformer
 from errorscreen.generation import generate_dataset
@@ -149,7 +148,7 @@ def paper_study(
     setting = Setting(seed, noise_db, effort)
     started = perf_counter()
     fingerprint = {
-        "version": digest(__version__),
+        "program": program(),
         "seed and noise": digest(seed, noise_db),
         "effort": digest(effort),
         "study": digest(

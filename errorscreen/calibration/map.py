@@ -12,6 +12,7 @@ from scipy.stats import chi2, norm
 from sklearn.utils.validation import check_is_fitted
 from tqdm import tqdm
 
+from errorscreen.calibration.attenuation import relieved
 from errorscreen.calibration.base import BaseCalibrator
 from errorscreen.calibration.intervals import (
     DETERMINED,
@@ -25,6 +26,7 @@ from errorscreen.calibration.search import BoundedSearch, Track
 from errorscreen.calibration.truncated import sample_truncated_normal
 from errorscreen.exceptions import DataWarning, check_integer, check_real
 from errorscreen.simulators.base import Simulator
+from errorscreen.simulators.injection_noise import typical
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -183,6 +185,7 @@ class MAPCalibrator(BaseCalibrator):
         search = self._search(problem)
         starts = self._starts(problem)
         history: list[tuple[float, int, int]] = []
+        best: BoundedSearch | None = None
         try:
             for first in range(0, len(starts), _AT_ONCE):
                 search.begin(starts[first : first + _AT_ONCE])
@@ -192,10 +195,11 @@ class MAPCalibrator(BaseCalibrator):
                         break
             if not search.tracks:
                 raise problem.no_success()
-            self._describe(problem, search)
+            best = relieved(search, problem)
+            self._describe(problem, best)
         finally:
             if search.tracks:
-                self._finish(problem, search, history)
+                self._finish(problem, search, best or search, history)
         return self
 
     def sample_posterior(self, n: int, random_state: Any = None) -> NDArray[np.float64]:
@@ -304,12 +308,18 @@ class MAPCalibrator(BaseCalibrator):
         return np.vstack([first, u[np.argsort(costs, kind="stable")[:others]]])  # NaN comes last
 
     def _finish(
-        self, problem: FitProblem, search: BoundedSearch, history: list[tuple[float, int, int]]
+        self,
+        problem: FitProblem,
+        search: BoundedSearch,
+        last: BoundedSearch,
+        history: list[tuple[float, int, int]],
     ) -> None:
         """Take over the best values, also of a search that was interrupted."""
-        best = search.best
-        self._store(problem, problem.values(best.u))
-        self.chi2_ = float(np.sum(best.residuals**2))
+        best = last.best
+        values = problem.values(best.u)
+        passed = typical(problem.passed_noise(values)[:, 0])
+        self.chi2_ = float(np.sum(best.residuals**2)) - float(np.nansum(passed))
+        self._store(problem, values)
         self.chi2_per_sample_ = self.chi2_ / problem.n_values
         self.converged_ = best.state in _ENDED
         self.starts_ = [
@@ -322,7 +332,6 @@ class MAPCalibrator(BaseCalibrator):
     def _describe(self, problem: FitProblem, search: BoundedSearch) -> None:
         """Intervals and what goes with them, from the linear model at the best values."""
         best, space = search.best, problem.space
-        search.differentiate([best])
         assert best.jacobian is not None
         values = problem.values(best.u)
         determined = len(space) - np.trace(posterior_covariance(best.jacobian, self.prior_scale)) / (

@@ -104,6 +104,36 @@ class FitProblem:
         chunks = [values[start : start + rows] for start in range(0, len(values), rows)]
         return np.concatenate([(self.residuals(chunk) ** 2).sum(axis=1) for chunk in chunks])
 
+    @property
+    def passes_noise(self) -> bool:
+        """Whether noise of injected signals moves a simulation, see `errorscreen.calibration.attenuation`."""
+        return any(observation.passed is not None for observation in self.observations)
+
+    def passed_noise(self, values: ArrayLike) -> NDArray[np.float64]:
+        """Energy of what draws of the noise of injected signals make, see `Simulator.passed_noise`.
+
+        Parameters
+        ----------
+        values : array-like of shape (n, k)
+
+        Returns
+        -------
+        ndarray of shape (D, n, S)
+            In squared deviations, for each channel of each recording; less what the observations' noise holds of it.
+        """
+        theta = self.embed(values)
+        parts = []
+        for observation in self.observations:
+            counted = observation.passed
+            if counted is None:
+                parts.append(np.zeros((1, len(theta), len(observation.channels))))
+                continue
+            energy = self.simulator.passed_noise(observation, theta)
+            self.n_simulations += (1 + len(energy)) * len(theta)
+            parts.append(energy - counted)
+        draws = max(map(len, parts))
+        return np.concatenate([np.broadcast_to(p, (draws, *p.shape[1:])) for p in parts], axis=2)
+
     def objective(self, values: ArrayLike, weights: ArrayLike | None = None) -> NDArray[np.float64]:
         """J, equation (24), of each row, summed over the recordings, shape (n,); NaN in rows that failed.
 

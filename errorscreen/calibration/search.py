@@ -61,6 +61,8 @@ class Track:
 class BoundedSearch:
     r"""Minimise :math:`\sum z_i(u)^2 + \sum (u_j / s)^2` inside bounds, from several starts in lockstep.
 
+    With `tilt` a linear term joins it.
+
     Each iteration evaluates two batches for all starts together: the differences of the residuals z, and one
     trial point for each of seven damping values. A step is the exact minimiser of the damped linear
     model inside the bounds (`bounded_minimum`), with the normal matrix scaled to unit diagonal and damped. A clipped
@@ -86,6 +88,12 @@ class BoundedSearch:
         ``tol * max(1, χ²/N)``. A decrease by 1 is one standard deviation of one parameter.
     step : float
         Step of the differences in u.
+
+    Attributes
+    ----------
+    tracks : list of Track
+    slope : ndarray of shape (k,)
+        Of the linear function of u that is subtracted; 0 to begin with.
     """
 
     def __init__(
@@ -101,6 +109,7 @@ class BoundedSearch:
         self._residuals = residuals
         self._lower, self._upper = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
         self._prior, self._tol, self._step = prior, tol, step
+        self.slope = np.zeros(len(self._lower))
         self.tracks: list[Track] = []
 
     def begin(self, starts: ArrayLike) -> None:
@@ -109,6 +118,25 @@ class BoundedSearch:
         z = self._residuals(u)
         costs = self._costs(u, z)
         self.tracks += [Track(u[i], z[i], float(costs[i])) for i in np.flatnonzero(np.isfinite(costs))]
+
+    def alone(self, track: Track) -> BoundedSearch:
+        """Return another search of the same objective, with one track."""
+        other = BoundedSearch(
+            self._residuals, self._lower, self._upper, prior=self._prior, tol=self._tol, step=self._step
+        )
+        other.tracks = [track]
+        return other
+
+    @property
+    def untilted(self) -> float:
+        """Objective of the best track without the linear function of `tilt`."""
+        return float(self.best.cost + self.best.u @ self.slope)
+
+    def tilt(self, slope: ArrayLike) -> None:
+        """Subtract a linear function of u with this slope (k,) from the objective."""
+        self.slope = np.asarray(slope, dtype=float)
+        for track in self.tracks:
+            track.cost = float(self._costs(track.u, track.residuals))
 
     @property
     def best(self) -> Track:
@@ -120,7 +148,7 @@ class BoundedSearch:
         active = self._active()
         self._differentiate(active)
         for track in active:
-            track.promise = self._promise(track)
+            track.promise = self.promise(track)
             if track.promise < self._tol * self._unit(track):
                 self._stop(track, "converged")
         active = [track for track in self._active() if track.jacobian is not None]
@@ -176,19 +204,20 @@ class BoundedSearch:
         assert track.jacobian is not None
         J = track.jacobian
         A = J.T @ J / inflation + np.eye(len(track.u)) / self._prior**2
-        return A, J.T @ track.residuals / inflation + track.u / self._prior**2
+        g = (J.T @ track.residuals - 0.5 * self.slope) / inflation + track.u / self._prior**2
+        return A, g
 
     def _active(self) -> list[Track]:
         return [track for track in self.tracks if track.state == "active"]
 
     def _costs(self, u: _Array, z: _Array) -> _Array:
-        return (z**2).sum(axis=-1) + ((u / self._prior) ** 2).sum(axis=-1)
+        return np.asarray((z**2).sum(axis=-1) + ((u / self._prior) ** 2).sum(axis=-1) - u @ self.slope)
 
     def _unit(self, track: Track) -> float:
         """Decrease of the objective that is one standard deviation of one parameter."""
         return max(1.0, float(np.mean(track.residuals**2)))
 
-    def _promise(self, track: Track) -> float:
+    def promise(self, track: Track) -> float:
         """How much the undamped linear model would lower the objective."""
         A, g = self.normal_equations(track)
         d = self._steps(track, [0.0])[0]

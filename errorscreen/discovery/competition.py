@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery.hypotheses import Hypothesis, JointFit, fit_hypothesis, linearised
 from errorscreen.discovery.journal import Journal
-from errorscreen.discovery.remainder import Remainder, remainder_test
 from errorscreen.discovery.restarts import elsewhere, escapes, followed, off_the_edge, searched
 from errorscreen.discovery.signatures import SignatureSearch, projected
+from errorscreen.discovery.standings import Standings
 from errorscreen.discovery.waves import anew, promised
 from errorscreen.effects.base import Effect
 from errorscreen.observations import Observation
@@ -45,8 +45,8 @@ _NAMED = 0.1
 _Array = NDArray[np.float64]
 
 
-class Competition:
-    """Fitted hypotheses about some recordings; a hypothesis is *adequate* if what it leaves passes for noise.
+class Competition(Standings):
+    """Fitted hypotheses about some recordings, and how they come about.
 
     Parameters
     ----------
@@ -62,12 +62,8 @@ class Competition:
 
     Attributes
     ----------
-    hypotheses : list of Hypothesis
-        One for each set of effects that was fitted.
-    remainders : dict of str to Remainder
-        What each leaves, by its name.
-    scores : dict of str to float
-        Logarithm of the evidence, (D1) with `Remainder.excess` in place of χ².
+    hypotheses, remainders, scores
+        See `Standings`.
     signatures : dict of str to float
         Objective that each effect promised.
     n_simulations : int
@@ -85,63 +81,24 @@ class Competition:
         tell: Callable[[str], None],
         journal: Journal | None = None,
     ) -> None:
+        super().__init__(significance, seed, tell)
         self.max_effects, self.n_fits, self.n_draws = max_effects, n_fits, n_draws
-        self.significance, self.seed, self.tell = significance, seed, tell
         self._journal = Journal() if journal is None else journal
         self.simulator = base.simulator
-        self.hypotheses: list[Hypothesis] = []
-        self.remainders: dict[str, Remainder] = {}
-        self.scores: dict[str, float] = {}
         self.signatures: dict[str, float] = {}
         self.n_simulations = 0
         self._spread_out: set[str] = set()
         self._led: set[float] = set()  # objectives of fits that have no way out
-        self._keep(base, self._test(base))
+        self.keep(base, self.test(base))
         self._polish(base)
-
-    @property
-    def base(self) -> Hypothesis:
-        """The hypothesis without effects."""
-        return next(h for h in self.hypotheses if not h.effects)
-
-    @property
-    def adequate(self) -> list[Hypothesis]:
-        """Those that leave only noise, the most evident first."""
-        found = [h for h in self.hypotheses if self.is_adequate(h)]
-        return sorted(found, key=lambda h: -self.scores[h.name])
-
-    def is_adequate(self, hypothesis: Hypothesis) -> bool:
-        """Whether what a hypothesis leaves passes for noise."""
-        return self._passes(self.remainders[hypothesis.name])
 
     def run(self, candidates: Sequence[Effect]) -> None:
         """Try effects beside the parameters, and pairs of them as long as nothing is adequate."""
         self._extend(self.base, candidates, 1)
         self._spread()
         self._eliminate()
+        self._finish()
         self._settle()
-
-    def _passes(self, remainder: Remainder) -> bool:
-        return remainder.p_value > self.significance
-
-    def _test(self, hypothesis: Hypothesis) -> Remainder:
-        return remainder_test(
-            hypothesis.observations,
-            hypothesis.residuals,
-            hypothesis.jacobian[:, hypothesis.free],
-            random_state=self.seed,
-        )
-
-    def _keep(self, hypothesis: Hypothesis, remainder: Remainder, instead: Hypothesis | None = None) -> None:
-        """Add a hypothesis, or take it in place of another fit of the same one."""
-        self.hypotheses = [h for h in self.hypotheses if h is not instead]
-        self.hypotheses.append(hypothesis)
-        self.remainders[hypothesis.name] = remainder
-        # (D1) with the excess over noise in place of χ²
-        self.scores[hypothesis.name] = hypothesis.evidence + 0.5 * (hypothesis.chi2 - remainder.excess)
-        self.tell(
-            f"  {hypothesis.name}: χ²/N {hypothesis.chi2_per_sample:.3f}, noise alone p = {remainder.p_value:.3f}"
-        )
 
     def _extend(self, base: Hypothesis, candidates: Sequence[Effect], depth: int) -> None:
         """Add one effect to a hypothesis, and another to the best of these where none is adequate."""
@@ -152,27 +109,17 @@ class Competition:
         searches = self._signatures(base, others)
         self.tell(f"joint fits of {min(wanted, len(searches))} of them")
         self._compete(base, searches[:wanted], self._promised_fits)
-        if depth == 1 and not self.adequate and not self._explained(1, _NEARLY):
+        if depth == 1 and not self.adequate and not self.explained(1, _NEARLY):
             self.tell(f"joint fits of all {len(searches)} from the nominal parameters")
             self._compete(base, searches, self._fits_anew)
         self.n_simulations += sum(search.problem.n_simulations for search in searches)
-        if depth == 1 and not self.adequate and self._beside(base):
-            self._everywhere(self._beside(base)[0])  # pairs are dearer, and make up for a wrong minimum
+        if depth == 1 and not self.adequate and self.beside(base):
+            self._everywhere(self.beside(base)[0])  # pairs are dearer, and make up for a wrong minimum
         if depth < self.max_effects and not self.adequate:
-            for hypothesis in sorted(self._beside(base), key=lambda h: -h.evidence)[:_BEAM]:
+            for hypothesis in sorted(self.beside(base), key=lambda h: -h.evidence)[:_BEAM]:
                 self._extend(hypothesis, candidates, depth + 1)
-                if self.adequate or not self._explained(depth + 1, _PART):
+                if self.adequate or not self.explained(depth + 1, _PART):
                     break
-
-    def _beside(self, base: Hypothesis) -> list[Hypothesis]:
-        """Those with one effect more than another one, the lowest first."""
-        more = [h for h in self.hypotheses if len(h.effects) == len(base.effects) + 1]
-        return sorted((h for h in more if set(h.effects) > set(base.effects)), key=lambda h: h.objective)
-
-    def _explained(self, size: int, share: float) -> bool:
-        """Whether so many effects leave less than this share of what parameters leave."""
-        enough = share * self.remainders[self.base.name].excess
-        return any(self.remainders[h.name].excess < enough for h in self.hypotheses if len(h.effects) == size)
 
     def _signatures(self, base: Hypothesis, effects: Sequence[Effect]) -> list[SignatureSearch]:
         """Searches for signatures at the fitted values and at the nominal ones, the most promising first."""
@@ -206,12 +153,12 @@ class Competition:
         ):
             before = next((h for h in self.hypotheses if set(h.effects) == set(fitted.effects)), None)
             if before is None or fitted.objective < before.objective - _WORTH:
-                self._keep(fitted, self._test(fitted), before)
-        for hypothesis in self._beside(base)[:_BEAM]:
+                self.keep(fitted, self.test(fitted), before)
+        for hypothesis in self.beside(base)[:_BEAM]:
             if hypothesis.objective not in self._led:
                 self._led.add(self._escape(hypothesis).objective)
-        if not self.adequate and self._beside(base):
-            self._polish(self._beside(base)[0])
+        if not self.adequate and self.beside(base):
+            self._polish(self.beside(base)[0])
 
     def _promised_fits(self, base: Hypothesis, searches: Sequence[SignatureSearch]) -> Sequence[JointFit]:
         threshold = base.objective - _WORTH if self.is_adequate(base) else np.inf
@@ -248,6 +195,14 @@ class Competition:
     def _ways_out(self, hypothesis: Hypothesis, problem: FitProblem) -> list[_Array]:
         return escapes(hypothesis, problem, self.seed)[:_KEPT]
 
+    def _finish(self) -> None:
+        """Lead what a verdict rests on to its minimum: a fit on its way there looks like something missing."""
+        for hypothesis in map(self.nearest, range(self.max_effects + 1)):
+            if hypothesis is not None and not hypothesis.converged:
+                problem = FitProblem(hypothesis.simulator, list(hypothesis.observations), hypothesis.names)
+                self._better(hypothesis, problem, partial(np.atleast_2d, hypothesis.u), worth=0.0)
+                self.n_simulations += problem.n_simulations
+
     def _settle(self) -> None:
         """Lead what will be named out of local minima, if an effect has many: its values count, not only its name."""
         found = max(
@@ -267,17 +222,21 @@ class Competition:
         self.n_simulations += problem.n_simulations
 
     def _better(
-        self, hypothesis: Hypothesis, problem: FitProblem, starts: Callable[[], Sequence[_Array] | _Array]
+        self,
+        hypothesis: Hypothesis,
+        problem: FitProblem,
+        starts: Callable[[], Sequence[_Array] | _Array],
+        worth: float = _WORTH,
     ) -> Hypothesis | None:
         """Fit a hypothesis from other starts, and take it in place of this one; None if that does not lead lower."""
 
         def fit() -> Hypothesis | None:
             points = starts()
-            return followed(hypothesis, problem, points, _WORTH) if len(points) else None
+            return followed(hypothesis, problem, points, worth) if len(points) else None
 
         better = self._journal.fitted(hypothesis.effects, problem, fit)
         if better is not None:
-            self._keep(better, self._test(better), hypothesis)
+            self.keep(better, self.test(better), hypothesis)
         return better
 
     def _polish(self, hypothesis: Hypothesis) -> Hypothesis:
@@ -299,15 +258,15 @@ class Competition:
         finer = self._refitted(hypothesis.effects, observations, reference, [hypothesis])
         if finer is None:
             return hypothesis
-        remainder = self._test(finer)
-        if not self._passes(remainder):
+        remainder = self.test(finer)
+        if not self.passes(remainder):
             return hypothesis
-        self._keep(finer, remainder, hypothesis)
+        self.keep(finer, remainder, hypothesis)
         for other in list(self.hypotheses):
             if other is not finer and other.chi2_per_sample < _NEAR:
                 better = self._refitted(other.effects, observations, reference, [other])
                 if better is not None:
-                    self._keep(better, self._test(better), other)
+                    self.keep(better, self.test(better), other)
         return finer
 
     def _promised(self, hypothesis: Hypothesis, problem: FitProblem) -> float:
@@ -325,9 +284,8 @@ class Competition:
         """
         sets: list[tuple[Effect, ...]] = []
         for number in range(self.max_effects + 1):
-            members = [h for h in self.hypotheses if len(h.effects) == number]
-            if members:
-                nearest = max(members, key=lambda h: self.scores[h.name])
+            nearest = self.nearest(number)
+            if nearest is not None:
                 sets += [(effect,) for effect in nearest.effects if number > 1]
                 sets.append(nearest.effects)
         for effects in dict.fromkeys(sets):
@@ -363,7 +321,7 @@ class Competition:
         fitted = self._refitted(effects, like.observations, like.simulator, starts)
         if fitted is None:
             return
-        self._keep(fitted, self._test(fitted), before)
+        self.keep(fitted, self.test(fitted), before)
         hopeless = effects and fitted.chi2 > _PART * self.base.chi2
         if everywhere and not hopeless and not self.is_adequate(fitted):
             self._everywhere(fitted)

@@ -11,6 +11,7 @@ from errorscreen.discovery.gain import Gain
 from errorscreen.discovery.hypotheses import Hypothesis
 from errorscreen.discovery.latent import Place
 from errorscreen.discovery.ranking import Cause
+from errorscreen.discovery.remainder import Remainder
 from errorscreen.effects.base import Effect
 from errorscreen.events import Event
 from errorscreen.exceptions import SimulationError
@@ -92,7 +93,8 @@ def named_text(cause: Cause, chosen: Hypothesis, base: Hypothesis, alike: Sequen
         )
     text += f" χ²/N is {base.chi2_per_sample:.3g} with parameters alone, "
     text += f"{chosen.chi2_per_sample:.3g} with what was chosen."
-    return text + (f" These recordings cannot tell it from: {', '.join(alike)}." if alike else "")
+    text += f" These recordings cannot tell it from: {', '.join(alike)}." if alike else ""
+    return text + _unfinished(base)
 
 
 def unknown_text(
@@ -122,12 +124,28 @@ def unknown_text(
         if closest.effects:
             text += f", the closest, {closest.name}, {closest.chi2_per_sample:.3g}"
         text += "."
-    if not base.converged:
-        text += (
-            " The search without effects did not end at a minimum, so that other values of the parameters may do "
-            "better: allow more starts, or narrow the bounds."
-        )
-    return text
+    return text + _unfinished(base)
+
+
+def conspicuous_text(remainder: Remainder, significance: float) -> str:
+    """What to say of parameters that are kept although one cell of the errors is more than noise."""
+    if remainder.p_value > significance:
+        return ""
+    worst = remainder.significant[0] if remainder.significant else max(remainder.cells, key=lambda c: c.ratio)
+    return (
+        f" Most conspicuous is {worst.channel} of {worst.recording}, {worst.stage}: {worst.ratio:.2g} times the energy "
+        f"of noise (noise alone: p = {remainder.p_value:.2g}); no effect explains that better."
+    )
+
+
+def _unfinished(base: Hypothesis) -> str:
+    """Caution where parameters alone were not led to a minimum."""
+    if base.converged:
+        return ""
+    return (
+        " The search without effects did not end at a minimum, so that other values of the parameters may do better: "
+        "allow more starts, or narrow the bounds."
+    )
 
 
 def place_text(places: Sequence[Place], simulator: Simulator) -> str:

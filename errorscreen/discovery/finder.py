@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from os import PathLike
 from typing import Any
 
@@ -11,10 +12,9 @@ from numpy.typing import NDArray
 from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
-from errorscreen import __version__
 from errorscreen.calibration import MAPCalibrator
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.checkpoint import Checkpoint, digest
+from errorscreen.checkpoint import Checkpoint, digest, program
 from errorscreen.discovery import conclusions
 from errorscreen.discovery.competition import Competition
 from errorscreen.discovery.gain import Gain, measure_gain
@@ -183,8 +183,8 @@ class CauseFinder(BaseEstimator):
         self._tell("fit without effects")
         self._calibrator = self._calibrate(observations)
         self._count = self._calibrator.n_simulations_ + len(observations)  # those of the baseline
-        best = min(self._calibrator.starts_, key=lambda start: start["objective"])
         problem = FitProblem(self.simulator, list(observations))
+        best = min(self._calibrator.starts_, key=lambda start: start["objective"])
         first = parameters_only(problem, self._calibrator.theta_, best["state"])
         found = Competition(
             first,
@@ -256,7 +256,7 @@ class CauseFinder(BaseEstimator):
             return Journal()
         arguments = (self.max_effects, self.n_fits, self.n_draws, self.significance)
         fingerprint = {
-            "version": digest(__version__),
+            "program": program(),
             "simulator": digest(type(self.simulator).__name__, self.simulator.settings()),
             "parameters": digest(list(self.simulator.parameters)),
             "effects": digest([(effect, identity(effect.equations)) for effect in library]),
@@ -385,7 +385,9 @@ class CauseFinder(BaseEstimator):
     def _judged(self, held_out: Sequence[Observation] = ()) -> Verdict:
         """Verdict where no effect is needed."""
         passes = self._nothing_to_explain, True
-        return judge(self._base.observations, self._nominal[0], self._calibrator, held_out, passes=passes)
+        verdict = judge(self._base.observations, self._nominal[0], self._calibrator, held_out, passes=passes)
+        left = conclusions.conspicuous_text(self.remainders_[self._base.name], self.significance)
+        return verdict if verdict.kind != "parameters" else replace(verdict, text=verdict.text + left)
 
     def _located(self) -> str:
         """Where something unknown enters, in words; places are kept."""

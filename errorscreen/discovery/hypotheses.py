@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from errorscreen.calibration.attenuation import noise_slope, relieved
 from errorscreen.calibration.intervals import posterior_covariance
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.calibration.search import BoundedSearch
@@ -26,6 +27,7 @@ from errorscreen.effects.base import Effect
 from errorscreen.events import Event
 from errorscreen.observations import Observation
 from errorscreen.simulators.base import Simulator
+from errorscreen.simulators.injection_noise import typical
 
 #: standard deviation of the prior in multiples of each parameter's scale, as `MAPCalibrator` has it by default
 PRIOR = 0.3
@@ -35,6 +37,8 @@ SLICE, SLICES = 5, 6
 _ENDED = ("converged", "kink")
 #: a joint fit goes on while its distance from the best is less than so many times what it gained last
 _HOPE = 20.0
+#: noise never counts for less than this part of what was counted: a level from an energy may come out too low
+_LEAST_LEVEL = 0.1
 
 _Array = NDArray[np.float64]
 
@@ -54,8 +58,12 @@ class Hypothesis:
         Fitted values of all parameters of `simulator`.
     names : tuple of str
         Parameters that were fitted.
-    chi2, objective, evidence : float
-        χ², χ² with the prior's term, and (D1).
+    chi2 : float
+        χ² less the noise of injected signals that passes beyond what was counted, see `passed`.
+    objective : float
+        χ² with the prior's term, as low as the search has come.
+    evidence : float
+        (D1).
     residuals : ndarray of shape (N,)
     jacobian : ndarray of shape (N, k)
         In units of each parameter's scale.
@@ -63,6 +71,10 @@ class Hypothesis:
         Fitted deviations in multiples of the scale.
     free : ndarray of shape (k,), bool
         Parameters that do not lie at a bound.
+    slope : ndarray of shape (k,)
+        By which χ² was taken to fall from letting less noise pass, see `errorscreen.calibration.attenuation`.
+    passed : ndarray of shape (S,)
+        Energy of noise that passes beyond what was counted, for each channel of each recording.
     state : str
         How the best start ended, see `Track`.
     """
@@ -79,6 +91,8 @@ class Hypothesis:
     jacobian: _Array = field(repr=False)
     u: _Array = field(repr=False)
     free: NDArray[np.bool_] = field(repr=False)
+    slope: _Array = field(repr=False)
+    passed: _Array = field(repr=False)
     state: str = "converged"
 
     @property
@@ -95,6 +109,14 @@ class Hypothesis:
     def chi2_per_sample(self) -> float:
         """χ²/N."""
         return self.chi2 / len(self.residuals)
+
+    @property
+    def levels(self) -> list[_Array]:
+        """Level (R,) of what is noise in the residuals of each recording, in multiples of what was counted."""
+        counts = [o.mask.sum(axis=1) for o in self.observations]
+        parts = np.split(self.passed, np.cumsum([len(n) for n in counts])[:-1])
+        shares = [1.0 + p / np.maximum(n, 1) for p, n in zip(parts, counts, strict=True)]
+        return [np.sqrt(np.maximum(share, _LEAST_LEVEL**2)) for share in shares]
 
     @property
     def covariance(self) -> _Array:
@@ -200,10 +222,7 @@ class JointFit:
 
     def hypothesis(self) -> Hypothesis:
         """What has been reached."""
-        best = self._search.best
-        self._search.differentiate([best])
-        assert best.jacobian is not None
-        return described(self.effects, self.problem, best.u, best.residuals, best.jacobian, best.state)
+        return described(self.effects, self.problem, relieved(self._search, self.problem), self.objective)
 
 
 def candidates(
@@ -266,11 +285,14 @@ def race(fits: Sequence[JointFit]) -> Sequence[JointFit]:
 
 
 def described(
-    effects: Sequence[Effect], problem: FitProblem, u: _Array, residuals: _Array, jacobian: _Array, state: str
+    effects: Sequence[Effect], problem: FitProblem, search: BoundedSearch, objective: float
 ) -> Hypothesis:
     """Hypothesis from where a search ended."""
-    chi2 = float(residuals @ residuals)
-    objective = chi2 + float(u @ u) / PRIOR**2
+    best = search.best
+    assert best.jacobian is not None
+    u, jacobian = best.u, best.jacobian
+    passed = np.nan_to_num(typical(problem.passed_noise(problem.values(u))[:, 0]))
+    chi2 = float(best.residuals @ best.residuals) - float(passed.sum())
     lower, upper = problem.scaled_bounds
     margin = 1e-6 * (upper - lower)
     singular = np.linalg.svd(np.linalg.qr(jacobian * PRIOR, mode="r"), compute_uv=False)
@@ -282,12 +304,14 @@ def described(
         problem.names,
         chi2,
         objective,
-        -0.5 * objective - 0.5 * float(np.log1p(singular**2).sum()),
-        residuals,
+        -0.5 * (chi2 + float(u @ u) / PRIOR**2 + float(np.log1p(singular**2).sum())),
+        best.residuals,
         jacobian,
         u,
         (u > lower + margin) & (u < upper - margin),
-        state,
+        search.slope,
+        passed,
+        best.state,
     )
 
 
@@ -299,12 +323,7 @@ def linearised(problem: FitProblem, u: ArrayLike) -> tuple[_Array, _Array]:
     SimulationError
         If the point cannot be simulated.
     """
-    search = _search(problem)
-    search.begin(u)
-    if not search.tracks:
-        raise problem.no_success()
-    search.differentiate(search.tracks)
-    track = search.tracks[0]
+    track = _linearised(problem, u).best
     assert track.jacobian is not None
     return track.residuals, track.jacobian
 
@@ -312,8 +331,22 @@ def linearised(problem: FitProblem, u: ArrayLike) -> tuple[_Array, _Array]:
 def parameters_only(problem: FitProblem, theta: ArrayLike, state: str) -> Hypothesis:
     """Hypothesis without effects, at values that a calibrator found."""
     u = (np.asarray(theta, dtype=float) - problem.space.nominal) / problem.space.scales
-    residuals, jacobian = linearised(problem, u)
-    return described((), problem, u, residuals, jacobian, state)
+    search = _linearised(problem, u)
+    best = search.best
+    best.state = state
+    lowest = best.cost - search.promise(best)
+    if problem.passes_noise:
+        search.tilt(noise_slope(problem, best.u)[0])
+    return described((), problem, search, lowest)
+
+
+def _linearised(problem: FitProblem, u: ArrayLike) -> BoundedSearch:
+    search = _search(problem)
+    search.begin(u)
+    if not search.tracks:
+        raise problem.no_success()
+    search.differentiate(search.tracks)
+    return search
 
 
 def _search(problem: FitProblem) -> BoundedSearch:

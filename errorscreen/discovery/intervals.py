@@ -78,6 +78,8 @@ def profile(hypothesis: Hypothesis, name: str, width: float) -> tuple[float, flo
     u, j = hypothesis.u, hypothesis.names.index(name)
     others = np.flatnonzero(hypothesis.free & (np.arange(len(u)) != j))
     bounds = np.clip([u[j] - width * PRIOR, u[j] + width * PRIOR], *problem.scaled_bounds[:, j])
+    # the right values are where the tilted objective is lowest
+    lowest = float(objectives(problem, u[None])[0] - u @ hypothesis.slope)
     ends = []
     for outside in bounds:
         inside = u
@@ -85,7 +87,7 @@ def profile(hypothesis: Hypothesis, name: str, width: float) -> tuple[float, flo
             rows = np.tile(inside, (_POINTS, 1))
             rows[:, j] = np.linspace(inside[j], outside, _POINTS + 1)[1:]
             objective, rows = _followed(problem, rows, hypothesis.jacobian[:, others], others)
-            worse = np.flatnonzero(objective > hypothesis.objective + width**2)
+            worse = np.flatnonzero(objective - rows @ hypothesis.slope > lowest + width**2)
             good = worse[0] if len(worse) else _POINTS
             inside = rows[good - 1] if good else inside
             if good == _POINTS:

@@ -111,6 +111,7 @@ def remainder_test(
     residuals: ArrayLike,
     jacobian: ArrayLike | None = None,
     *,
+    levels: Sequence[ArrayLike] | None = None,
     n_bootstrap: int = 1000,
     random_state: Any = 0,
 ) -> Remainder:
@@ -123,6 +124,9 @@ def remainder_test(
         Where something was measured, as `FitProblem.residuals` orders them.
     jacobian : array-like of shape (N, k), optional
         Sensitivities of the fitted parameters that do not lie at a bound; none were fitted where not given.
+    levels : sequence of array-like of shape (R,), optional
+        Level of the noise in the residuals of each recording, in multiples of what its observation says, where noise of
+        injected signals passes otherwise than counted; 1 where not given.
     n_bootstrap : int
         Draws of noise, at least 20; the smallest p-value is 1/(n_bootstrap + 1).
     random_state : None, int, SeedSequence, Generator or RandomState
@@ -157,7 +161,8 @@ def remainder_test(
             where=", ".join(o.event.name for o in observations),
             allowed=f"at least {_FEWEST} in one stage of the event",
         )
-    null = _null(observations, n_bootstrap, tau, spread, rng)
+    ones = [np.ones(len(o.channels)) for o in observations]
+    null = _null(observations, n_bootstrap, tau, spread, ones if levels is None else levels, rng)
     if jacobian is not None and np.size(jacobian):
         J = np.asarray(jacobian, dtype=float)
         A = cho_factor(J.T @ J + np.eye(J.shape[1]) / PRIOR**2)
@@ -219,16 +224,21 @@ def _energies(observations: Sequence[Observation], residuals: _Array) -> tuple[l
 
 
 def _null(
-    observations: Sequence[Observation], n: int, tau: float, spread: Sequence[float], rng: np.random.Generator
+    observations: Sequence[Observation],
+    n: int,
+    tau: float,
+    spread: Sequence[float],
+    levels: Sequence[ArrayLike],
+    rng: np.random.Generator,
 ) -> _Array:
-    """Draws (n, N) of noise with unit variance, correlated over `tau` samples, of uncertain level."""
+    """Draws (n, N) of noise, correlated over `tau` samples, of a level that is not quite certain."""
     rho = (tau - 1.0) / (tau + 1.0)
     parts = []
-    for observation, width in zip(observations, spread, strict=True):
+    for observation, width, level in zip(observations, spread, levels, strict=True):
         w = rng.standard_normal((n, *observation.values.shape))
         if rho > 0:  # first-order autoregression, whose correlation time is (1 + rho) / (1 - rho)
             w[..., 1:] *= np.sqrt(1 - rho**2)
             w = lfilter([1.0], [1.0, -rho], w, axis=-1)
-        w = w * np.exp(width * rng.standard_normal((n, w.shape[1], 1)))
+        w = w * np.exp(width * rng.standard_normal((n, w.shape[1], 1))) * np.asarray(level)[:, None]
         parts.append(w[:, observation.mask])
     return np.concatenate(parts, axis=1)

@@ -258,6 +258,21 @@ class Simulator(ABC):
         """
         return observation
 
+    def passed_noise(self, observation: Observation, theta: ArrayLike) -> NDArray[np.float64]:
+        """Energy of what each of D draws of the noise of injected signals makes, in squared deviations.
+
+        Parameters
+        ----------
+        observation : Observation
+        theta : array-like of shape (n, m)
+
+        Returns
+        -------
+        ndarray of shape (D, n, R)
+            0 without injected signals, NaN where it cannot be simulated or another response comes out.
+        """
+        return np.zeros((1, len(np.atleast_2d(theta)), len(self.channels)))
+
     def settled(self, observation: Observation) -> Observation:
         """Return a recording with what belongs to it alone estimated from its beginning, as an unknown initial state.
 

@@ -22,7 +22,7 @@ from errorscreen.signals import correlation_time
 from errorscreen.simulators.assembly import INSIDE, assemble, measured, start_effects, switched_off
 from errorscreen.simulators.base import Responses, Simulator, Status
 from errorscreen.simulators.driving_voltage import check_impedance, driving_voltage
-from errorscreen.simulators.injection_noise import noise_left, quantified
+from errorscreen.simulators.injection_noise import noise_left, passed_energy, quantified
 from errorscreen.simulators.playback import playback_observation
 from errorscreen.simulators.recent import Recent
 
@@ -321,6 +321,10 @@ class PlantSimulator(Simulator):
             return lambda event, **options: self._run(values, event, **options).values[0]
 
         return quantified(observation, run_of(theta), self.step, run_of(before))
+
+    def passed_noise(self, observation: Observation, theta: ArrayLike) -> NDArray[np.float64]:
+        """Energy of what the noise of the injected signals makes; see `Simulator.passed_noise`."""
+        return passed_energy(observation, lambda event: self._run(theta, event).values)
 
     def _values(self, theta: NDArray[np.float64], event: Playback) -> dict[str, NDArray[np.float64]]:
         """All constants, parameters and the operating point by name, each of shape (n,)."""

@@ -9,10 +9,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-import errorscreen
 from errorscreen.cases import Case
 from errorscreen.cases.case_models import CalibrationSection, DiscoverySection, RunSection, ScreeningSection
-from errorscreen.checkpoint import digest
+from errorscreen.checkpoint import digest, program
 from errorscreen.discovery import ChannelFit, StageError, Verdict
 from errorscreen.exceptions import InputError
 from errorscreen.generation import local_sensitivity
@@ -179,7 +178,7 @@ class Study:
         # which methods are asked for, and whether causes are, changes nothing in each of them
         section = getattr(self, stage).model_dump(exclude={"methods", "enabled"})
         return digest(
-            errorscreen.__version__,
+            program(),
             stage,
             [(p.name, p.nominal, p.lower, p.upper, p.scale) for p in self.simulator.parameters],
             repr(self.simulator),

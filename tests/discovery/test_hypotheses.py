@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from errorscreen.calibration.problem import FitProblem
+from errorscreen.calibration.search import BoundedSearch, Track
 from errorscreen.discovery.hypotheses import PRIOR, JointFit, described, fit_hypothesis, linearised, race
 from errorscreen.discovery.signatures import SignatureSearch
 from errorscreen.observations import Observation
@@ -38,7 +39,9 @@ def test_evidence_is_the_marginal_likelihood_of_a_linear_model():
     J, r = rng.standard_normal((n, k)) * 3, rng.standard_normal(n)
     A = J.T @ J + np.eye(k) / PRIOR**2
     u = -np.linalg.solve(A, J.T @ r)
-    found = described((), problem, u, r + J @ u, J, "converged")
+    search = BoundedSearch(problem.residuals, *problem.scaled_bounds, prior=PRIOR, tol=1e-2, step=1e-4)
+    search.tracks = [Track(u, r + J @ u, 0.0, J, state="converged")]
+    found = described((), problem, search, 0.0)
     covariance = np.eye(n) + PRIOR**2 * J @ J.T
     expected = -0.5 * r @ np.linalg.solve(covariance, r) - 0.5 * np.linalg.slogdet(covariance)[1]
     assert found.evidence == pytest.approx(expected, rel=1e-9)

@@ -15,6 +15,7 @@ def hypothesis(effects, excess):
         chi2=1000.0 + excess,
         name=" + ".join(e.name for e in effects) or "parameters",
         effects=effects,
+        converged=True,
         chi2_per_sample=2.0,
         parameters_of=lambda effect, width: {effect.strength.name: (1.0, 1.0 - width, 1.0 + width)},
     )
@@ -28,6 +29,7 @@ def competition(*entries, significance=0.002):
     return SimpleNamespace(
         hypotheses=found,
         base=found[0],
+        with_effects=lambda size: [h for h in found if len(h.effects) == size],
         remainders={
             h.name: SimpleNamespace(excess=entry[1], p_value=entry[2])
             for h, entry in zip(found, entries, strict=True)
@@ -63,6 +65,14 @@ def test_parameters_that_suffice_are_beaten_only_by_a_margin():
     assert small[0].name == "parameters"
     assert large[0].name == "scale_P"
     assert large[0].kind == "measurement"
+
+
+@pytest.mark.parametrize("unfinished", [0, 1], ids=["parameters", "effect"])
+def test_a_fit_that_was_not_led_to_a_minimum_is_no_reason_to_name_an_effect(unfinished):
+    found = competition(((), 1000.0, 0.001, -500.0), ((EXCITER,), 5.0, 0.001, -20.0))
+    assert [c.name for c in rank_causes(found)] == ["exciter", "unknown"]
+    found.hypotheses[unfinished].converged = False
+    assert [c.name for c in rank_causes(found)] == ["unknown"]
 
 
 def test_an_effect_of_another_form_is_named_by_its_kind():

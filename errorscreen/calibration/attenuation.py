@@ -1,0 +1,93 @@
+r"""Fits without the bias by the noise of what is injected.
+
+Where a recorded signal is injected into the model, its noise moves the simulation. A fit then lowers its objective by
+letting less of that noise pass, say with a larger reactance, and settles beside the right values: least squares with
+noise in what should be known exactly (W. A. Fuller, *Measurement Error Models*, 1987, section 1.1.1). At the right
+parameters the slope of χ² is not zero on average, but that of the energy E of what passes,
+
+.. math:: E(u) = \mathrm{E}\,\Big\lVert \Sigma^{-1/2}\big(f(\tilde x + n, u) - f(\tilde x, u)\big)\Big\rVert^2
+
+with the injected signals :math:`\tilde x` as they were recorded and noise n like theirs. So what is to be minimised is
+
+.. math:: \chi^2(u) - E(u) + \sum_j (u_j / s)^2                                                      \qquad (K1)
+
+whose slope is right on average (T. Nakamura, "Corrected score function for errors-in-variables models", *Biometrika*
+77(1), 1990). E is simulated with added noise, as J. R. Cook and L. A. Stefanski do ("Simulation-extrapolation
+estimation in parametric measurement error models", *Journal of the American Statistical Association* 89, 1994), and
+follows the parameters so smoothly that its slope at the minimum, renewed where that leads, does for the search.
+
+The bias grows with the square of the noise, what noise leaves open with the noise itself: at 40 dB it is a tenth of a
+standard deviation of a synchronous machine's fit, at 20 dB it is ten.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from errorscreen.calibration.problem import FitProblem
+from errorscreen.calibration.search import BoundedSearch
+from errorscreen.simulators.injection_noise import typical
+
+#: times that the slope is renewed, and iterations with each
+_TIMES, _ITERATIONS = 4, 10
+#: step of its differences in u; E has curvature, but no noise of its own
+_STEP = 1e-2
+#: what leaves more than this χ²/N is far from where noise matters
+_FAR = 10.0
+
+
+def relieved(search: BoundedSearch, problem: FitProblem) -> BoundedSearch:
+    """Return a search with the best track alone, led to where (K1) has its minimum.
+
+    Parameters
+    ----------
+    search : BoundedSearch
+        Stays as it is.
+    problem : FitProblem
+        Of this search.
+
+    Returns
+    -------
+    BoundedSearch
+        Its track has a Jacobian by central differences. Without injected noise it is the best one of `search`.
+    """
+    search.differentiate([search.best])
+    found = search.alone(replace(search.best))
+    if not problem.passes_noise or float(np.mean(found.best.residuals**2)) > _FAR:
+        return found
+    slope, energy = noise_slope(problem, found.best.u)
+    for _ in range(_TIMES):
+        trial = search.alone(replace(found.best, state="active"))
+        trial.tilt(slope)
+        before = trial.untilted - energy
+        for _ in range(_ITERATIONS):
+            if not trial.iterate():
+                break
+        slope, energy = noise_slope(problem, trial.best.u)
+        if not trial.untilted - energy < before:  # converged, or the slope has led astray
+            break
+        found = trial
+    found.best.state = search.best.state
+    found.differentiate(found.tracks)
+    return found
+
+
+def noise_slope(problem: FitProblem, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """Slope (k,) of the energy of passed noise at u, 0 where it cannot be simulated, and the energy itself.
+
+    Parameters
+    ----------
+    problem : FitProblem
+    u : ndarray of shape (k,)
+    """
+    lower, upper = problem.scaled_bounds
+    inwards = np.where(u <= 0.5 * (lower + upper), _STEP, -_STEP)
+    moved = np.clip(u + np.diag(inwards), lower, upper)
+    width = np.diag(moved) - u
+    energy = problem.passed_noise(problem.values(np.vstack([u, moved]))).sum(axis=2)
+    # of each draw: the energies of two draws differ by more than the step changes them
+    slope = typical((energy[:, 1:] - energy[:, :1]) / np.where(width != 0, width, 1.0))
+    return np.nan_to_num(slope), float(np.nan_to_num(typical(energy[:, 0])))
