@@ -44,7 +44,13 @@ def cessation(
     )
 
 
-def _cessation(name: str, title: str, ranges: dict[str, tuple[float, float, float]], text: str) -> Effect:
+def _cessation(
+    name: str,
+    title: str,
+    ranges: dict[str, tuple[float, float, float]],
+    text: str,
+    confused: tuple[str, ...],
+) -> Effect:
     """Effect with typical value and range of each duration."""
     return Effect(
         name=name,
@@ -66,11 +72,7 @@ def _cessation(name: str, title: str, ranges: dict[str, tuple[float, float, floa
         formula="I = I* (1 − s) from Tth after V < Vth, for Tc, then back over Tramp",
         description=text,
         source="IEEE Std 1547-2018, section 6.4; NERC, 900 MW Fault Induced Solar PV Resource Interruption, 2018",
-        confused_with=(
-            "a lower ramp limit after the fault",
-            "priority for reactive current",
-            "a current limit",
-        ),
+        confused_with=confused,
         minima=4,
     )
 
@@ -81,6 +83,12 @@ RIDE_THROUGH = _cessation(
     {"Tth": (0.03, 0.0, 0.3), "Tc": (0.3, 0.0, 2.0), "Tramp": (0.5, 0.05, 4.0)},
     "The inverters stop injecting when the voltage has been low for a set time, wait, and ramp back. The model rides "
     "through: it misses the hole in active and reactive power and the slow return.",
+    (
+        "a ride-through trip",
+        "a lower ramp limit after the fault",
+        "priority for reactive current",
+        "a current limit",
+    ),
 )
 RIDE_THROUGH_TRIP = _cessation(
     "trip",
@@ -88,4 +96,5 @@ RIDE_THROUGH_TRIP = _cessation(
     {"Tth": (2.0, 0.3, 40.0), "Tc": (30.0, 2.0, 400.0), "Tramp": (10.0, 0.5, 60.0)},
     "The voltage stays below a threshold for longer than the ride-through curve allows: the plant trips, waits until "
     "it may connect again, and ramps up. Only long recordings show it.",
+    ("momentary cessation", "a lower ramp limit after the fault", "a disconnection by other protection"),
 )

@@ -6,6 +6,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator
 
 from errorscreen.effects import LIBRARY
+from errorscreen.effects.ride_through import RIDE_THROUGH, RIDE_THROUGH_TRIP
 from errorscreen.exceptions import InputError
 from tests.plants import DEVICE_NAMES, dip, flat, plant, random_rows
 from tests.power.reference import Machine
@@ -128,6 +129,12 @@ def test_library_is_documented():
             assert effect.description
             assert effect.source
             assert effect.confused_with
+
+
+def test_a_trip_and_a_cessation_name_each_other():
+    """Their equations are the same, only the durations differ."""
+    assert "a ride-through trip" in RIDE_THROUGH.confused_with
+    assert "momentary cessation" in RIDE_THROUGH_TRIP.confused_with
 
 
 def test_an_effect_on_a_port_that_a_device_lacks_is_refused():
