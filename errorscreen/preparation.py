@@ -19,7 +19,7 @@ CLEAR_MOVE = 0.2
 #: Samples after the start of the event, below which there is no response to compare with.
 MIN_AFTER = 5
 #: In pu: what is plausible before an event.
-PLAUSIBLE_V, PLAUSIBLE_P = (0.5, 1.5), 2.0
+PLAUSIBLE_V = (0.5, 1.5)
 
 
 def check_extras(
@@ -202,13 +202,13 @@ def noise_of_signal(
     )
 
 
-def warn_implausible(initial: Mapping[str, float], where: str) -> list[str]:
-    """Sentences, also warned of, on pre-event values that a wrong unit, base or sign would explain."""
-    notes = []
-    if "V" in initial and not PLAUSIBLE_V[0] <= initial["V"] <= PLAUSIBLE_V[1]:
-        notes.append(f"V before the event is {initial['V']:.3g} pu: check its unit and base_kv.")
-    if "P" in initial and abs(initial["P"]) > PLAUSIBLE_P:
-        notes.append(f"P before the event is {initial['P']:.3g} pu: check its unit and base_mva.")
-    for note in notes:
-        warnings.warn(f"{where}: {note}", DataWarning, stacklevel=3)
-    return notes
+def warn_implausible(V: float, where: str) -> list[str]:
+    """Sentences, also warned of, on a voltage before the event that a wrong unit or base would explain.
+
+    What power is plausible depends on whose it is: a line of a grid carries many times the base.
+    """
+    if PLAUSIBLE_V[0] <= V <= PLAUSIBLE_V[1]:
+        return []
+    note = f"V before the event is {V:.3g} pu: check its unit and base_kv."
+    warnings.warn(f"{where}: {note}", DataWarning, stacklevel=3)
+    return [note]

@@ -176,8 +176,8 @@ class Recording:
             sigma = preparation.channel_noise(key, t, v, quiet, noise or {}, unit, notes, where)
             channels[key] = Channel(key, v, unit, sigma)
         recording = cls(name, t, channels, base_mva, f_nominal, start, quiet, base_kv, dict(given or {}))
-        known = [n for n in ("V", "P") if n in channels or n in recording.given]
-        notes += preparation.warn_implausible(recording.initial(known), where)
+        if "V" in channels or "V" in recording.given:
+            notes += preparation.warn_implausible(recording.initial(["V"])["V"], where)
         return replace(recording, assumptions=tuple(notes))
 
     @classmethod

@@ -15,8 +15,9 @@ from errorscreen.observations import Observation
 from errorscreen.recordings import Recording
 from errorscreen.signals import scatter
 
-#: In pu. A plant that gives less rests, or its P is on a base that is a hundred times too large.
-LEAST_P = 0.01
+#: In pu. A plant that gives less rests, or its P is on a base that is a hundred times too large; one that gives more
+#: than twice its rating has a wrong unit or base.
+LEAST_P, MOST_P = 0.01, 2.0
 #: Q of at least this (pu) and this part of P is a power factor under 0.55: no plant runs so for long.
 LARGE_Q, Q_OVER_P = 0.3, 1.5
 
@@ -150,7 +151,9 @@ def _warn_implausible(P: float, Q: float, where: str) -> list[str]:
     notes = []
     if abs(P) < LEAST_P:
         notes.append(f"P before the event is only {P:.2g} pu: check its unit and base_mva.")
-    elif P < 0:
+    if abs(P) > MOST_P:
+        notes.append(f"P before the event is {P:.3g} pu: check its unit and base_mva.")
+    if P <= -LEAST_P:
         notes.append(f"P before the event is {P:.3g} pu, but generation is positive: check its sign.")
     if abs(Q) > max(LARGE_Q, Q_OVER_P * abs(P)):
         notes.append(

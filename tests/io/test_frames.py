@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from errorscreen.exceptions import DataWarning, InputError
+from errorscreen.exceptions import InputError
 from errorscreen.io import Column, from_frame
 
 TIME = np.arange(0, 5, 0.02)
@@ -157,11 +157,6 @@ def test_text_columns_are_read_as_numbers():
     rec = from_frame(frame, {"P": "P"}, **BASES)
     assert np.isnan(rec.channel("P").values[5])
     assert np.isfinite(rec.channel("P").values).sum() == 249
-
-
-def test_a_wrong_base_is_warned_of():
-    with pytest.warns(DataWarning, match="P before the event is 30 pu: check its unit and base_mva"):
-        from_frame(FRAME, {"P": Column("P", base=2500.0)}, **BASES)
 
 
 def test_columns_of_a_table_must_be_unique():

@@ -131,6 +131,7 @@ def test_a_meter_that_ends_a_reading_early_is_held():
     [
         (-0.7, 0.1, "P before the event is -0.7 pu, but generation is positive: check its sign"),
         (0.007, 0.001, "P before the event is only 0.007 pu: check its unit and base_mva"),
+        (30.0, 0.1, "P before the event is 30 pu: check its unit and base_mva"),
         (0.12, 0.72, r"Q before the event is 0.72 pu and P 0.12 pu: check that they are not interchanged"),
     ],
 )

@@ -1,7 +1,6 @@
 """Recordings of a grid: which errors of the record of which event can be named."""
 
 import numpy as np
-import pytest
 
 from errorscreen.cases import ieee39_events, load_ieee39
 from errorscreen.cases.case_file import load_case
@@ -33,7 +32,6 @@ candidates = ["Xd", "Tj"]
 """
 
 
-@pytest.mark.filterwarnings("ignore:.*check its unit and base_mva")
 def test_errors_of_the_record_of_each_fitted_event_are_in_the_library(tmp_path):
     simulator, events = load_ieee39(), ieee39_events()
     named = {"trip": "line 2-3 out", "fault": "fault at bus 16", "other": "fault at bus 26"}

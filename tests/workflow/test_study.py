@@ -160,7 +160,6 @@ def grid_case(tmp_path_factory):
     return folder / "case.toml"
 
 
-@pytest.mark.filterwarnings("ignore:.*P before the event is")
 def test_a_case_compares_recordings_with_a_grid(grid_case, tmp_path):
     study = Study.from_case(load_case(grid_case))
     fault, other, trip = (o.event for o in (study.observation, *study.held_out))
@@ -181,7 +180,6 @@ def test_a_case_compares_recordings_with_a_grid(grid_case, tmp_path):
     assert report.stat().st_size > 10_000
 
 
-@pytest.mark.filterwarnings("ignore:.*P before the event is")
 def test_recordings_of_a_grid_are_searched_together(grid_case):
     case = grid_case.with_name("together.toml")
     text = grid_case.read_text()
@@ -194,7 +192,6 @@ def test_recordings_of_a_grid_are_searched_together(grid_case):
     assert any("bus 16" in note for note in study.together[0].assumptions)
 
 
-@pytest.mark.filterwarnings("ignore:.*P before the event is")
 def test_where_an_event_is_moved_to_a_step_is_told(grid_case):
     late = grid_case.with_name("late.toml")
     late.write_text(
@@ -205,7 +202,6 @@ def test_where_an_event_is_moved_to_a_step_is_told(grid_case):
     assert "In the model it starts at 1.0025 s instead of 1.0032 s" in " ".join(observation.assumptions)
 
 
-@pytest.mark.filterwarnings("ignore:.*P before the event is")
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
