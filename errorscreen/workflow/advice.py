@@ -47,13 +47,12 @@ def advice(
     gain : Gain or None
         None where nothing was held out, or nothing was named.
     hints : sequence of str
-        See `doubts`. Calibrated parameters that leave only noise are not what a wrong base looks like.
+        See `doubts`. They come first whatever the verdict is: parameters and effects can make up for a wrong unit.
     refuted : bool
         Whether recordings that were held out contradict what was found.
     """
     kind, first = finder.verdict_.kind, finder.causes_[0]
-    out = list(hints) if kind in ("unknown", "effect", "measurement") else []
-    out += [_apart(group) for group in finder.groups_]
+    out = [*hints, *(_apart(group) for group in finder.groups_)]
     if kind == "unknown":
         out += _to_locate(finder, refuted)
     elif first.event and kind == "effect":

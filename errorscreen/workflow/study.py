@@ -308,8 +308,8 @@ class Outcome:
 
     @property
     def hints(self) -> list[str]:
-        """What was doubtful about units, bases and signs, where the cause of the error is not known."""
-        return doubts(self.observations) if self.verdict.kind == "unknown" else []
+        """What was doubtful about units, bases and signs."""
+        return doubts(self.observations)
 
     @property
     def advice(self) -> list[str]:

@@ -187,11 +187,11 @@ def test_few_events_are_no_sure_interval(events, words):
 
 def test_doubts_about_units_stand_beside_the_verdict():
     hint = "trip: P before the event is 72 pu: check its unit and base_mva."
-    text = text_of(result(verdict=Verdict(kind="unknown", text="Nobody knows.", hints=[hint])))
+    text = text_of(result(verdict=Verdict(kind="parameters", text="All is well.", hints=[hint])))
     assert (
-        f"Nobody knows. Check first, because a wrong unit, base or sign looks like an unknown cause: {hint}"
-        in text
-    )
+        "All is well. Check first, because a wrong unit, base or sign looks like an unknown cause, or parameters and "
+        f"effects make up for it: {hint}"
+    ) in text
 
 
 def test_the_roles_of_recordings_are_told():

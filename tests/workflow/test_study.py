@@ -261,6 +261,16 @@ def test_truth_and_overlap_are_reported_where_the_truth_is_known(outcome):
     assert unknown.screening.methods[0].overlap is None
 
 
+def test_a_doubtful_unit_is_told_beside_a_favourable_verdict(outcome):
+    doubt = "P before the event is 721 pu: check its unit and base_mva."
+    doubtful = replace(outcome.study, observation=replace(outcome.study.observation, assumptions=(doubt,)))
+    doubted = replace(outcome, study=doubtful)
+    hint = f"fault near the terminal: {doubt}"
+    assert build_result(doubted).verdict.kind == "parameters"
+    assert build_result(doubted).verdict.hints == doubted.advice == [hint]
+    assert build_result(outcome).verdict.hints == []
+
+
 def test_selection_rules():
     assert isinstance(selector(ScreeningSection(top_k=2)), TopKSelector)
     assert isinstance(selector(ScreeningSection(threshold=0.3)), RelativeThresholdSelector)
