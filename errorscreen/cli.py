@@ -10,7 +10,8 @@ import signal
 import sys
 import tempfile
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -252,23 +253,21 @@ def _bench_speed(options: argparse.Namespace, out: str) -> None:
 def _bench_paper(options: argparse.Namespace, out: str) -> None:
     from errorscreen.bench import effort_of, paper_study
 
-    folder = _writable(Path(out))
-    if options.fresh:
-        shutil.rmtree(folder / "stages", ignore_errors=True)
-    show = not options.quiet
+    folder, show = Path(out), not options.quiet
     given = {"samples": options.samples, "enlarged": options.enlarged}
     given = {name: value for name, value in given.items() if value is not None}
-    paper_study(
-        folder,
-        _teller(show),
-        draws=options.draws,
-        seed=options.seed,
-        noise_db=options.noise_db,
-        network=options.network,
-        effort=replace(effort_of(options.network), **given),
-        n_jobs=options.jobs,
-        progress=show,
-    )
+    with _stages(folder, options):
+        paper_study(
+            folder,
+            _teller(show),
+            draws=options.draws,
+            seed=options.seed,
+            noise_db=options.noise_db,
+            network=options.network,
+            effort=replace(effort_of(options.network), **given),
+            n_jobs=options.jobs,
+            progress=show,
+        )
     print((folder / "tables.md").read_text(encoding="utf-8"))
     print(
         f"Written: {folder / 'result.json'}, {folder / 'tables.md'}, {folder / 'figure1.png'} to figure4.png"
@@ -278,21 +277,19 @@ def _bench_paper(options: argparse.Namespace, out: str) -> None:
 def _bench_discovery(options: argparse.Namespace, out: str) -> None:
     from errorscreen.bench import discovery_study
 
-    folder = _writable(Path(out))
-    if options.fresh:
-        shutil.rmtree(folder / "stages", ignore_errors=True)
-    show = not options.quiet
-    discovery_study(
-        folder,
-        _teller(show),
-        case=options.case,
-        scenarios=options.scenarios,
-        seed=options.seed,
-        noise_db=options.noise_db,
-        least_size=options.least_size,
-        n_jobs=options.jobs,
-        progress=show,
-    )
+    folder, show = Path(out), not options.quiet
+    with _stages(folder, options):
+        discovery_study(
+            folder,
+            _teller(show),
+            case=options.case,
+            scenarios=options.scenarios,
+            seed=options.seed,
+            noise_db=options.noise_db,
+            least_size=options.least_size,
+            n_jobs=options.jobs,
+            progress=show,
+        )
     print((folder / "tables.md").read_text(encoding="utf-8"))
     written = ("result.json", "tables.md", "power.png", "reliability.png")
     print("Written: " + ", ".join(str(folder / name) for name in written))
@@ -301,17 +298,10 @@ def _bench_discovery(options: argparse.Namespace, out: str) -> None:
 def _study(prepare: Callable[[], Any], out: Path, options: argparse.Namespace) -> None:
     from errorscreen.workflow import run_study, write_outputs
 
-    _writable(out)
-    if options.fresh:
-        shutil.rmtree(out / "stages", ignore_errors=True)
-    study = prepare()
     show = not options.quiet
-    outcome = run_study(
-        study,
-        out,
-        progress=show,
-        report=_teller(show),
-    )
+    with _stages(out, options):
+        study = prepare()
+        outcome = run_study(study, out, progress=show, report=_teller(show))
     written = write_outputs(outcome, out)
     print(f"{study.title}: {outcome.verdict.kind}\n{outcome.verdict.text}")
     if outcome.discovered is not None:
@@ -337,6 +327,21 @@ def _failed(outcome: Any) -> str:
         f"Simulations that failed and were left out: {counts}. If they are many, narrow the bounds of the parameters "
         "or shorten simulation.step."
     )
+
+
+@contextmanager
+def _stages(out: Path, options: argparse.Namespace) -> Iterator[None]:
+    """Forget the stages of earlier runs if that is asked for, and say so where one of them cannot be used."""
+    stages = _writable(out) / "stages"
+    if options.fresh:
+        shutil.rmtree(stages, ignore_errors=True)
+    try:
+        yield
+    except InputError as error:
+        if not str(error.where).startswith((f"file {stages}", f"checkpoint {stages}")):
+            raise
+        remedy = "Delete it, or forget all stages of earlier runs with --fresh"
+        raise InputError(error.what, where=error.where, allowed=error.allowed, remedy=remedy) from error
 
 
 def _writable(folder: Path) -> Path:

@@ -1,10 +1,14 @@
 """The search for causes from the command line: what is used again, folders, and what to check first."""
 
+import re
+
 import pytest
 
+from errorscreen.cases import load_case
 from errorscreen.cli import main
 from errorscreen.report import read_result
-from tests.test_cli import CASE, folder
+from errorscreen.workflow import Study
+from tests.test_cli import CASE, folder, refused
 
 
 def test_a_search_that_was_left_out_is_made_up_for(tmp_path):
@@ -34,6 +38,20 @@ def test_the_folder_of_a_case_keeps_the_reports_of_both_commands(tmp_path):
     assert main(["diagnose", case, "--quiet"]) == 0
     assert (tmp_path / "kept" / "report.html").read_bytes() == report
     assert read_result(tmp_path / "kept" / "diagnose" / "result.json").discovery is not None
+
+
+def test_a_damaged_part_of_a_search_can_be_forgotten(tmp_path, capsys):
+    case, out = folder(tmp_path, CASE.replace('"cnn", ', "")), tmp_path / "out"
+    key = Study.from_case(load_case(case)).fingerprint("discovery", ())[:16]
+    damaged = out / "stages" / key / "search" / "checkpoint.json"
+    damaged.parent.mkdir(parents=True)
+    damaged.write_text("{")
+    arguments = ["diagnose", case, "--out", str(out), "--quiet"]
+    last = refused(arguments, f"file {re.escape(str(damaged))}: is damaged", capsys)
+    assert last.endswith("Delete it, or forget all stages of earlier runs with --fresh.")
+    # what is no stage has a remedy of its own
+    assert "--fresh" not in refused(["diagnose", str(tmp_path / "no.toml")], "does not exist", capsys)
+    assert main([*arguments, "--fresh"]) == 0
 
 
 @pytest.mark.filterwarnings("ignore:.*P before the event is")
