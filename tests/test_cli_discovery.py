@@ -1,14 +1,18 @@
 """The search for causes from the command line: what is used again, folders, and what to check first."""
 
 import re
+from pathlib import Path
 
 import pytest
 
 from errorscreen.cases import load_case
 from errorscreen.cli import main
+from errorscreen.discovery import channel_fits
 from errorscreen.report import read_result
 from errorscreen.workflow import Study
 from tests.test_cli import CASE, folder, refused
+
+RESULTS = Path(__file__).parents[1] / "docs" / "reference" / "results.md"
 
 
 def test_a_search_that_was_left_out_is_made_up_for(tmp_path):
@@ -38,6 +42,23 @@ def test_the_folder_of_a_case_keeps_the_reports_of_both_commands(tmp_path):
     assert main(["diagnose", case, "--quiet"]) == 0
     assert (tmp_path / "kept" / "report.html").read_bytes() == report
     assert read_result(tmp_path / "kept" / "diagnose" / "result.json").discovery is not None
+
+
+def test_the_model_is_rebuilt_from_the_result_as_documented(tmp_path):
+    """The block of `docs/reference/results.md`, on a case of which parameters are wrong."""
+    case, out = folder(tmp_path, CASE.replace('"cnn", ', "")), tmp_path / "out"
+    assert main(["diagnose", case, "--out", str(out), "--quiet"]) == 0
+    block = re.search(
+        r"^```python\n(.*?)^```", RESULTS.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE
+    )[1]
+    assert '"case-results/result.json"' in block
+    assert '"case.toml"' in block
+    space = {}
+    exec(block.replace("case-results", str(out)).replace("case.toml", case), space)
+    model, fits = space["model"], space["found"].fits
+    again = channel_fits(model.observe(load_case(case).load_recording()), model.baseline())
+    assert [f.rms for f in again] == pytest.approx([f.parameters.rms for f in fits], rel=1e-12)
+    assert model.step == space["found"].step
 
 
 def test_a_damaged_part_of_a_search_can_be_forgotten(tmp_path, capsys):

@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from errorscreen.report.parts import Fit, Number, Part, Role
+from errorscreen.report.parts import Fit, Number, ParameterResult, Part, Role
 
 
 class CauseParameter(Part):
@@ -16,8 +16,9 @@ class CauseParameter(Part):
     unit: str = ""
     description: str = ""
     value: Number
-    low: Number
-    high: Number
+    low: Number = Field(description="lower end of the 90 % interval; null at a bound, where none is known")
+    high: Number = Field(description="and upper end")
+    at_bound: bool = Field(default=False, description="whether the search was stopped by a bound there")
 
 
 class Cause(Part):
@@ -142,11 +143,27 @@ class ExtensionFit(Part):
     extended: Fit | None = Field(default=None, description="with what was named; null if nothing was")
 
 
+class Extension(Part):
+    """An effect that the model is extended by."""
+
+    name: str
+    recording: str = Field(default="", description="the only one in which it acts; empty for all")
+
+
 class Discovery(Part):
     """Search for what the model lacks."""
 
     tried: list[str] = Field(default=[], description="effects; empty if there was nothing to explain")
     hypotheses: list[HypothesisFit]
+    extension: list[Extension] = Field(
+        default=[], description="effects of the extended model in their order; empty if none was named"
+    )
+    parameters: list[ParameterResult] = Field(
+        default=[],
+        description="values of all parameters of the extended model, fitted together: those of the model, then those "
+        "of the effects; 90 % intervals, null at a bound. Without an effect those of parameters alone",
+    )
+    step: Number = Field(default=None, description="longest integration step of the extended model, in s")
     fits: list[ExtensionFit] = []
     cells: list[RemainingCell] = Field(description="what parameters alone leave beyond noise")
     places: list[Place] = []

@@ -34,3 +34,24 @@ class Fit(Part):
     rms: Number = Field(description="root mean square of the error, in the channel's unit")
     E: Number = Field(description="relative squared error, equation (23)")
     chi2_per_sample: Number = Field(description="mean square of the error in multiples of the noise")
+
+
+class ParameterResult(Part):
+    """One calibrated parameter."""
+
+    name: str
+    symbol: str = ""
+    unit: str = ""
+    description: str = ""
+    nominal: Number
+    lower: Number
+    upper: Number
+    scale: Number = None
+    value: Number
+    truth: Number = Field(default=None, description="true value, where the recording was simulated")
+    low: Number = Field(default=None, description="lower end of the interval")
+    high: Number = Field(default=None, description="upper end of the interval")
+    at_bound: bool | None = None
+    identifiable: bool | None = Field(
+        default=None, description="whether the recording determines the value; null if that was not computed"
+    )

@@ -14,7 +14,7 @@ from errorscreen.discovery import ChannelFit, StageError
 from errorscreen.exceptions import InputError
 from errorscreen.persistence import write_json_atomic, write_text_atomic
 from errorscreen.report.discovery_schema import Cause, Discovery, Gain, Group
-from errorscreen.report.parts import Fit, Number, Part, Role
+from errorscreen.report.parts import Fit, Number, ParameterResult, Part, Role
 
 #: Raised whenever a reader of the old version would misread the new one.
 SCHEMA_VERSION: Literal[1] = 1
@@ -141,27 +141,6 @@ class Screening(Part):
     methods: list[ScreeningMethod]
 
 
-class ParameterResult(Part):
-    """One calibrated parameter."""
-
-    name: str
-    symbol: str = ""
-    unit: str = ""
-    description: str = ""
-    nominal: Number
-    lower: Number
-    upper: Number
-    scale: Number = None
-    value: Number
-    truth: Number = Field(default=None, description="true value, where the recording was simulated")
-    low: Number = Field(default=None, description="lower end of the interval")
-    high: Number = Field(default=None, description="upper end of the interval")
-    at_bound: bool | None = None
-    identifiable: bool | None = Field(
-        default=None, description="whether the recording determines the value; null if that was not computed"
-    )
-
-
 class MethodFit(Part):
     """How well a calibrated model reproduces one channel of one recording."""
 
@@ -229,7 +208,10 @@ class Result(Part):
     calibration: Calibration
     groups: list[Group] = Field(default=[], description="explanations that cannot be told apart")
     gain: Gain | None = Field(default=None, description="of what was named, on held-out recordings")
-    discovery: Discovery | None = Field(default=None, description="null if causes were not searched")
+    discovery: Discovery | None = Field(
+        default=None,
+        description="search for causes, with all values of the extended model; null if they were not searched",
+    )
     run: Run
 
 

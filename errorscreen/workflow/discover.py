@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from errorscreen.cases.case_models import DiscoverySection, RunSection
-from errorscreen.discovery import CauseFinder, FirstLook, Place, Verdict
+from errorscreen.discovery import Cause, CauseFinder, FirstLook, Place, Verdict
 from errorscreen.discovery.hypotheses import Hypothesis
+from errorscreen.discovery.ranking import half_width
 from errorscreen.observations import Observation
 from errorscreen.regressors import import_network
 from errorscreen.simulators.base import Simulator
@@ -53,8 +54,8 @@ def discover_causes(
         each fitted recording and each held-out one, and ``waveform-<n>`` (2, L): time and unknown signal at each place
         that was ranked.
     meta : dict
-        ``verdict``, ``label``, ``labels``, ``causes``, ``groups``, ``gain``, ``places``, ``cells``, ``tried``,
-        ``hypotheses``, ``first_look``, ``advice``, counts.
+        ``verdict``, ``label``, ``labels``, ``causes``, ``groups``, ``gain``, ``extension``, ``parameters``, ``step``,
+        ``places``, ``cells``, ``tried``, ``hypotheses``, ``first_look``, ``advice``, counts.
     """
     started = perf_counter()
     looked, count = (
@@ -126,6 +127,7 @@ def _told(finder: CauseFinder) -> dict[str, Any]:
     """What the search found, as JSON values."""
     base = next(h for h in finder.hypotheses_ if not h.effects)
     cells = finder.remainders_[base.name].significant[:_CELLS]
+    best = finder.best_
     return {
         "verdict": asdict(finder.verdict_),
         "label": finder.best_.name if _named(finder) else "",
@@ -134,6 +136,9 @@ def _told(finder: CauseFinder) -> dict[str, Any]:
             {"names": list(g.names), "separating": [list(item) for item in g.separating]}
             for g in finder.groups_
         ],
+        "extension": [{"name": e.name, "recording": e.recording} for e in best.effects],
+        "parameters": fitted_parameters(best, next((c for c in finder.causes_ if c.name == best.name), None)),
+        "step": getattr(finder.extended_simulator_, "step", None),
         "places": [_place(place) for place in finder.places_],
         "cells": [
             {k: v for k, v in asdict(cell).items() if k not in ("significant", "expected")} for cell in cells
@@ -189,26 +194,49 @@ def _first_look(
     return ranked, look.dataset_.metadata["n_simulations"]
 
 
-def _cause(cause: Any, finder: CauseFinder) -> dict[str, Any]:
+def fitted_parameters(hypothesis: Hypothesis, cause: Cause | None) -> list[dict[str, Any]]:
+    """Values of all parameters of a fitted model; what lies at a bound has no interval.
+
+    Parameters
+    ----------
+    hypothesis : Hypothesis
+    cause : Cause or None
+        What it stands for: intervals of its effects are profiled. None if it leaves more than what was named.
+    """
+    width = half_width(hypothesis, exact=cause is not None and cause.exact)
+    half = dict(zip(hypothesis.names, width * np.sqrt(np.diag(hypothesis.covariance)), strict=True))
+    free = dict(zip(hypothesis.names, hypothesis.free.tolist(), strict=True))
+    known = {} if cause is None else cause.parameters
+    found = []
+    for p, value in zip(hypothesis.simulator.parameters, hypothesis.theta.tolist(), strict=True):
+        margin = float(half[p.name]) * float(p.scale or 1.0)
+        linear = (value, max(p.lower, value - margin), min(p.upper, value + margin))
+        _, low, high = known.get(p.name, linear)
+        found.append(
+            {
+                "name": p.name,
+                "symbol": p.symbol,
+                "unit": p.unit,
+                "description": p.description,
+                "nominal": p.nominal,
+                "lower": p.lower,
+                "upper": p.upper,
+                "scale": p.scale,
+                "value": value,
+                "low": low if free[p.name] else None,
+                "high": high if free[p.name] else None,
+                "at_bound": not free[p.name],
+            }
+        )
+    return found
+
+
+def _cause(cause: Cause, finder: CauseFinder) -> dict[str, Any]:
     """What stands in the result about one cause: equation, values and explanation."""
     hypothesis: Hypothesis | None = next((h for h in finder.hypotheses_ if h.name == cause.name), None)
     effects = hypothesis.effects if hypothesis else ()
-    parameters = []
-    for effect in effects:
-        for p in effect.parameters:
-            name = effect.local(p.name)
-            if name in cause.parameters:
-                value, low, high = cause.parameters[name]
-                parameters.append(
-                    {
-                        "name": name,
-                        "unit": p.unit,
-                        "description": p.description,
-                        "value": value,
-                        "low": low,
-                        "high": high,
-                    }
-                )
+    keys = ("name", "unit", "description", "value", "low", "high", "at_bound")
+    own = [] if hypothesis is None else fitted_parameters(hypothesis, cause)
     return {
         "name": cause.name,
         "title": cause.title,
@@ -219,7 +247,7 @@ def _cause(cause: Any, finder: CauseFinder) -> dict[str, Any]:
         "exact": cause.exact,
         "withdrawn": cause.withdrawn,
         "event": cause.event,
-        "parameters": parameters,
+        "parameters": [{key: p[key] for key in keys} for p in own if p["name"] in cause.parameters],
         "equation": "; ".join(e.formula for e in effects),
         "explanation": " ".join(e.description for e in effects),
         "confused_with": [text for e in effects for text in e.confused_with],

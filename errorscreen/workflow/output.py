@@ -20,6 +20,7 @@ from errorscreen.report.discovery_schema import (
     Cause,
     Contribution,
     Discovery,
+    Extension,
     ExtensionFit,
     Gain,
     Group,
@@ -28,14 +29,13 @@ from errorscreen.report.discovery_schema import (
     RemainingCell,
     Separation,
 )
-from errorscreen.report.parts import Role
+from errorscreen.report.parts import ParameterResult, Role
 from errorscreen.report.result_schema import (
     Calibration,
     CalibrationMethod,
     ChannelData,
     Diagnosis,
     MethodFit,
-    ParameterResult,
     RecordingData,
     RecordingDiagnosis,
     Run,
@@ -136,6 +136,9 @@ def _discovery(discovered: Discovered, outcome: Outcome) -> Discovery:
     return Discovery(
         tried=found["tried"],
         hypotheses=[HypothesisFit(**h) for h in found["hypotheses"]],
+        extension=[Extension(**effect) for effect in found["extension"]],
+        parameters=[ParameterResult(**p) for p in found["parameters"]],
+        step=found["step"],
         fits=list(_extension_fits(discovered, outcome)),
         cells=[RemainingCell(**cell) for cell in found["cells"]],
         places=[

@@ -9,7 +9,7 @@ from typing import Any
 from errorscreen.exceptions import InputError
 from errorscreen.persistence import load_arrays, save_arrays
 
-_FORMAT, _VERSION = "errorscreen-stage", 3
+_FORMAT, _VERSION = "errorscreen-stage", 4
 Stage = tuple[dict[str, Any], dict[str, Any]]
 
 

@@ -8,18 +8,19 @@ from errorscreen.report.discovery_schema import (
     CauseParameter,
     Discovery,
     EventGain,
+    Extension,
     ExtensionFit,
     Gain,
     HypothesisFit,
     Place,
 )
+from errorscreen.report.parts import ParameterResult
 from errorscreen.report.result_schema import (
     Calibration,
     CalibrationMethod,
     ChannelData,
     Diagnosis,
     MethodFit,
-    ParameterResult,
     RecordingData,
     Result,
     Run,
@@ -99,7 +100,8 @@ def cause(name="exciter", probability=0.97, **changes):
     parts = {
         "title": "Excitation control", "kind": "effect", "place": "Efd", "explained": 0.999,
         "parameters": [
-            CauseParameter(name="exciter.K", unit="pu", description="gain", value=50.0, low=40.0, high=60.0)
+            CauseParameter(name="exciter.K", unit="pu", description="gain", value=50.0, low=40.0, high=60.0),
+            CauseParameter(name="exciter.T", unit="s", value=0.02, low=None, high=None, at_bound=True),
         ],
         "equation": "T v' = K e - v", "explanation": "The machine holds its voltage.",
         "confused_with": ["a governor"],
@@ -132,7 +134,12 @@ def discovery(**changes):
             )
             for name, role in (("trip", "fit"), ("third trip", "together"), ("second trip", "held_out"))
         ],
-        "cells": [], "advice": ["Record the field voltage."], "n_simulations": 100, "seconds": 2.0,
+        "extension": [Extension(name="exciter")],
+        "parameters": [
+            ParameterResult(name="D", nominal=1.0, lower=0.0, upper=2.0, value=1.5, low=1.25, high=1.75),
+            ParameterResult(name="exciter.T", unit="s", nominal=0.1, lower=0.02, upper=1.0, value=0.02, at_bound=True),
+        ],
+        "step": 0.005, "cells": [], "advice": ["Record the field voltage."], "n_simulations": 100, "seconds": 2.0,
     }  # fmt: skip
     return Discovery(**{**parts, **changes})
 
@@ -156,6 +163,6 @@ def withdrawn():
     fits = [f.model_copy(update={"extended": None}) for f in discovery().fits]
     return found(
         verdict=verdict,
-        discovery=discovery(fits=fits, places=[place], advice=["Fit both together."]),
+        discovery=discovery(fits=fits, extension=[], places=[place], advice=["Fit both together."]),
         gain=gain(-0.2, -0.5, 0.1, placebo=0.05),
     )

@@ -9,7 +9,7 @@ from errorscreen.exceptions import InputError
 from errorscreen.report import ReportFigure, write_report
 from errorscreen.report.html_report import EVENT_HEADLINE, HEADLINES, SECTIONS, render_report
 from errorscreen.report.result_schema import Calibration, Study, Verdict
-from tests.report.samples import UNKNOWN, cause, found, gain, result, withdrawn
+from tests.report.samples import UNKNOWN, cause, discovery, found, gain, result, withdrawn
 
 VOID = {"meta", "img", "br"}
 
@@ -139,6 +139,30 @@ def test_what_was_named_is_the_extension():
     assert "Withdrawn" not in text
     assert "Effects that were tried: exciter, governor." in text
     assert "third trip, fitted together P (pu) 0.1 0.03 −70 %" in text
+
+
+def test_the_values_of_the_extended_model_are_told():
+    text = text_of(found())
+    assert "Parameters of the extended model All of them" in text
+    assert "D 1 1.5 +50 % 0 … 2 1.25 … 1.75" in text
+    assert "exciter.T s 0.1 0.02 −80 % 0.02 … 1 – at a bound" in text
+    for other in (result(), withdrawn()):
+        assert "Parameters of the extended model" not in text_of(other)
+
+
+def test_values_that_several_recordings_give_are_told():
+    verdict = Verdict(
+        kind="parameters", text="So it is.", causes=[cause("parameters", parameters=[]), UNKNOWN]
+    )
+    together = result().data[0].model_copy(update={"name": "third trip", "role": "together"})
+    alone = found(verdict=verdict, discovery=discovery(extension=[]))
+    several = alone.model_copy(update={"data": [*alone.data, together]})
+    assert "Parameters fitted to all recordings together The values under Calibration" in text_of(several)
+    assert "fitted to all recordings together" not in text_of(alone)
+
+
+def test_a_value_at_its_bound_has_no_interval():
+    assert "exciter.K gain pu 50 40 … 60 exciter.T s 0.02 at its bound" in text_of(found())
 
 
 def test_an_error_of_the_record_of_an_event_is_no_lack_of_the_model():

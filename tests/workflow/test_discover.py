@@ -8,9 +8,13 @@ import pytest
 
 from errorscreen.bench.plant_scenarios import draw_plant_scenario
 from errorscreen.cases.case_models import DiscoverySection
+from errorscreen.discovery import Cause
 from errorscreen.observations import Observation
+from errorscreen.parameters import Parameter, ParameterSpace
+from errorscreen.report import read_result
 from errorscreen.report.html_report import EVENT_HEADLINE
 from errorscreen.workflow import Study, build_result, run_study, write_outputs
+from errorscreen.workflow.discover import fitted_parameters
 from errorscreen.workflow.output import thinned
 from tests.plants import dip, plant
 from tests.workflow.test_study import QUICK
@@ -72,6 +76,68 @@ def test_all_numbers_of_the_extension_are_in_the_result(hidden_effect):
     assert result.gain.extension_parameters == len(result.verdict.causes[0].parameters)
     assert result.gain.placebo_parameters > 0
     assert outcome.discovered.labels == (f"extended ({hidden.effects[0]})",) * 3
+
+
+def rebuilt(simulator, found):
+    """The extended model, from that of the case file and what ``result.json`` tells of the search."""
+    for one in found.extension:
+        name = one.name.partition("@")[0]
+        effect = next(e for e in simulator.effects if e.name == name)
+        simulator = simulator.extend(
+            effect.during(one.recording, rename=name != one.name) if one.recording else effect
+        )
+    assert [p.name for p in found.parameters] == list(simulator.parameters.names)
+    model = simulator.with_nominal([p.value for p in found.parameters])
+    model.step = found.step
+    return model
+
+
+@pytest.mark.parametrize("name", ["hidden_effect", "refuted", "swinging"])
+def test_the_extended_model_is_rebuilt_from_the_result_alone(name, request, tmp_path):
+    outcome = request.getfixturevalue(name)[-1]
+    found = read_result(write_outputs(outcome, tmp_path)[0]).discovery
+    assert [e.name for e in found.extension] == outcome.discovered.label.split()
+    model = rebuilt(outcome.study.simulator, found)
+    responses = outcome.discovered.responses  # of CauseFinder.extended_simulator_
+    for observation, response in zip(outcome.observations, responses, strict=True):
+        assert np.array_equal(model.baseline(observation.event), response)
+
+
+def test_a_value_at_its_bound_has_no_interval():
+    space = ParameterSpace([Parameter("a", 1.0, 0.5, 2.0), Parameter("e.s", 0.0, 0.0, 1.0, scale=1.0)])
+    hypothesis = SimpleNamespace(
+        names=space.names,
+        theta=np.array([1.4, 1.0]),
+        free=np.array([True, False]),
+        covariance=np.diag([0.01, 0.0]),
+        chi2_per_sample=4.0,
+        simulator=SimpleNamespace(parameters=space),
+    )
+    cause = Cause("e", "E", "effect", 0.9, "port", {"e.s": (1.0, 1.0, 1.0)}, 0.99, True)
+    free, bound = fitted_parameters(hypothesis, cause)
+    assert (free["value"], free["at_bound"]) == (1.4, False)
+    assert (free["low"], free["high"]) == pytest.approx((1.4 - 0.1645, 1.4 + 0.1645))
+    assert (bound["value"], bound["low"], bound["high"], bound["at_bound"]) == (1.0, None, None, True)
+    # what leaves more than was named: errors of form count as noise of their size
+    assert fitted_parameters(hypothesis, None)[0]["high"] == pytest.approx(1.4 + 2 * 0.1645)
+
+
+def test_all_values_of_the_extended_model_have_intervals_or_a_bound(hidden_effect):
+    _, study, _, outcome = hidden_effect
+    result = build_result(outcome)
+    space, found = study.simulator.parameters, result.discovery.parameters
+    own = result.verdict.causes[0].parameters
+    assert [p.name for p in found] == [*space.names, *(p.name for p in own)]
+    for p in found:
+        assert (p.low is None) == p.at_bound == (p.value in (p.lower, p.upper))
+        assert p.at_bound or p.lower <= p.low < p.value < p.high <= p.upper
+    for p, q in zip(found[len(space) :], own, strict=True):
+        assert (p.value, p.low, p.high, p.at_bound) == (q.value, q.low, q.high, q.at_bound)
+    for p in found[: len(space)]:
+        assert p.nominal == space[p.name].nominal
+    # which is not what a calibration without the effect has found
+    alone = {p.name: p.value for p in result.calibration.methods[0].parameters}
+    assert any(abs(p.value / alone[p.name] - 1.0) > 0.02 for p in found[: len(space)])
 
 
 @pytest.fixture(scope="module")
