@@ -97,5 +97,7 @@ def test_the_least_first_look_works(tmp_path):
         "[discovery]", '[discovery]\nfirst_look = 20\neffects = ["exciter"]'
     )
     assert main(["run", folder(tmp_path, text), "--out", str(tmp_path / "out"), "--quiet"]) == 0
-    looked = read_result(tmp_path / "out" / "result.json").discovery.first_look
-    assert "exciter" in [one.name for one in looked]
+    discovery = read_result(tmp_path / "out" / "result.json").discovery
+    rank = 1 + [one.name for one in discovery.first_look].index("exciter")
+    assert f"has rank {rank} of {len(discovery.first_look)}" in discovery.first_look_compared
+    assert discovery.first_look_compared in (tmp_path / "out" / "report.html").read_text()

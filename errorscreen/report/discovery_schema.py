@@ -170,6 +170,9 @@ class Discovery(Part):
     first_look: list[Contribution] = Field(
         default=[], description="the largest first; empty if not asked for"
     )
+    first_look_compared: str = Field(
+        default="", description="where the first look ranks what the search names; empty without one"
+    )
     advice: list[str] = Field(default=[], description="what to measure next")
     n_simulations: int
     seconds: Number

@@ -14,6 +14,7 @@ from errorscreen.cases.case_models import DiscoverySection, RunSection
 from errorscreen.discovery import Cause, CauseFinder, FirstLook, Place, Verdict
 from errorscreen.discovery.hypotheses import Hypothesis
 from errorscreen.discovery.ranking import half_width
+from errorscreen.effects.base import Effect
 from errorscreen.observations import Observation
 from errorscreen.regressors import import_network
 from errorscreen.simulators.base import Simulator
@@ -55,7 +56,7 @@ def discover_causes(
         that was ranked.
     meta : dict
         ``verdict``, ``label``, ``labels``, ``causes``, ``groups``, ``gain``, ``extension``, ``parameters``, ``step``,
-        ``places``, ``cells``, ``tried``, ``hypotheses``, ``first_look``, ``advice``, counts.
+        ``places``, ``cells``, ``tried``, ``hypotheses``, ``first_look``, ``first_look_compared``, ``advice``, counts.
     """
     started = perf_counter()
     looked, count = (
@@ -88,6 +89,7 @@ def discover_causes(
         "labels": [_label(finder, o) for o in everything],
         "gain": None if gain is None else asdict(gain),
         "first_look": looked,
+        "first_look_compared": compared(looked, finder.best_.effects),
         "advice": advice(finder, gain, doubts(everything), refuted=finder.verdict_.kind != kind),
         "n_simulations": finder.n_simulations_ + count,
         "seconds": perf_counter() - started,
@@ -192,6 +194,27 @@ def _first_look(
         for name in look.ranking_
     ]
     return ranked, look.dataset_.metadata["n_simulations"]
+
+
+def compared(looked: Sequence[dict[str, Any]], effects: Sequence[Effect]) -> str:
+    """Where the first look ranks what the search names, in one sentence; empty without a first look.
+
+    Parameters
+    ----------
+    looked : sequence of dict
+        The first look, the largest contribution first.
+    effects : sequence of Effect
+        Those that the search names.
+    """
+    if not looked:
+        return ""
+    ranks = {one["name"]: f"rank {n} of {len(looked)}" for n, one in enumerate(looked, start=1)}
+    names = dict.fromkeys(effect.original for effect in effects)
+    if names:
+        told = ", and ".join(f"{name}, which has {ranks[name]} here" for name in names)
+        return f"The search names {told}."
+    first = next(one["name"] for one in looked if one["kind"] == "effect")
+    return f"The search names no effect; the first one here, {first}, has {ranks[first]}."
 
 
 def fitted_parameters(hypothesis: Hypothesis, cause: Cause | None) -> list[dict[str, Any]]:

@@ -146,6 +146,7 @@ def _discovery(discovered: Discovered, outcome: Outcome) -> Discovery:
             for place, (time, signal) in zip(found["places"], signals, strict=True)
         ],
         first_look=[Contribution(**c) for c in found["first_look"]],
+        first_look_compared=found["first_look_compared"],
         advice=found["advice"],
         n_simulations=found["n_simulations"],
         seconds=found["seconds"],

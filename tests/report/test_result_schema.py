@@ -42,7 +42,7 @@ def test_a_result_without_what_was_added_later_is_read(tmp_path):
         del cause["withdrawn"], cause["event"]
     del data["verdict"]["hints"], data["gain"]["placebo_parameters"], data["gain"]["extension_parameters"]
     del data["discovery"]["fits"], data["discovery"]["tried"]
-    for name in ("extension", "parameters", "step"):
+    for name in ("extension", "parameters", "step", "first_look_compared"):
         del data["discovery"][name]
     for place in data["discovery"]["places"]:
         del place["unit"], place["time"], place["waveform"], place["explained"]

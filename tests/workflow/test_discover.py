@@ -9,12 +9,14 @@ import pytest
 from errorscreen.bench.plant_scenarios import draw_plant_scenario
 from errorscreen.cases.case_models import DiscoverySection
 from errorscreen.discovery import Cause
+from errorscreen.effects import EXCITER
+from errorscreen.effects.forced_oscillation import forced_oscillation
 from errorscreen.observations import Observation
 from errorscreen.parameters import Parameter, ParameterSpace
 from errorscreen.report import read_result
 from errorscreen.report.html_report import EVENT_HEADLINE
 from errorscreen.workflow import Study, build_result, run_study, write_outputs
-from errorscreen.workflow.discover import fitted_parameters
+from errorscreen.workflow.discover import compared, fitted_parameters
 from errorscreen.workflow.output import thinned
 from tests.plants import dip, plant
 from tests.workflow.test_study import QUICK
@@ -101,6 +103,18 @@ def test_the_extended_model_is_rebuilt_from_the_result_alone(name, request, tmp_
     responses = outcome.discovered.responses  # of CauseFinder.extended_simulator_
     for observation, response in zip(outcome.observations, responses, strict=True):
         assert np.array_equal(model.baseline(observation.event), response)
+
+
+def test_the_first_look_is_compared_with_what_the_search_names():
+    kinds = {"Xd": "parameter", "exciter": "effect", "D": "parameter", "oscillation": "effect"}
+    looked = [{"name": name, "kind": kind, "value": 1.0} for name, kind in kinds.items()]
+    one, two = forced_oscillation("Pm").during("calm"), EXCITER
+    assert compared(looked, [one]) == "The search names oscillation, which has rank 4 of 4 here."
+    assert compared(looked, [two, one]) == (
+        "The search names exciter, which has rank 2 of 4 here, and oscillation, which has rank 4 of 4 here."
+    )
+    assert compared(looked, []) == "The search names no effect; the first one here, exciter, has rank 2 of 4."
+    assert compared([], [two]) == ""
 
 
 def test_a_value_at_its_bound_has_no_interval():
