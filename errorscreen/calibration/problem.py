@@ -19,6 +19,8 @@ from errorscreen.simulators.observations import as_observations, check_names
 _CHUNK = 2**24
 #: measured instants after the start of an event that are the least part of a recording
 _LEAST = 8
+#: passed noise beyond what was counted, in multiples of the noise, that is taken as noise of the same shape
+_MOST_PASSED = 0.5
 
 
 class FitProblem:
@@ -119,7 +121,10 @@ class FitProblem:
         Returns
         -------
         ndarray of shape (D, n, S)
-            In squared deviations, for each channel of each recording; less what the observations' noise holds of it.
+            In squared deviations, for each channel of each recording; less what the observations' noise holds of it,
+            and at most half of the channel's noise. Where a model amplifies noise by more, as one with a large lag in
+            a control loop does, it is not enough to know how much that is: it has to be counted where it happens,
+            see `Simulator.quantified`.
         """
         theta = self.embed(values)
         parts = []
@@ -130,7 +135,7 @@ class FitProblem:
                 continue
             energy = self.simulator.passed_noise(observation, theta)
             self.n_simulations += (1 + len(energy)) * len(theta)
-            parts.append(energy - counted)
+            parts.append(np.minimum(energy - counted, _MOST_PASSED * observation.mask.sum(axis=1)))
         draws = max(map(len, parts))
         return np.concatenate([np.broadcast_to(p, (draws, *p.shape[1:])) for p in parts], axis=2)
 

@@ -198,7 +198,7 @@ class Competition(Standings):
     def _finish(self) -> None:
         """Lead what a verdict rests on to its minimum: a fit on its way there looks like something missing."""
         for hypothesis in map(self.nearest, range(self.max_effects + 1)):
-            if hypothesis is not None and not hypothesis.converged:
+            if hypothesis is not None and not hypothesis.ended:
                 problem = FitProblem(hypothesis.simulator, list(hypothesis.observations), hypothesis.names)
                 self._better(hypothesis, problem, partial(np.atleast_2d, hypothesis.u), worth=0.0)
                 self.n_simulations += problem.n_simulations

@@ -143,8 +143,8 @@ def _unfinished(base: Hypothesis) -> str:
     if base.converged:
         return ""
     return (
-        " The search without effects did not end at a minimum, so that other values of the parameters may do better: "
-        "allow more starts, or narrow the bounds."
+        " The search without effects did not end at a smooth minimum, so that other values of the parameters may do "
+        "better: allow more starts, or narrow the bounds."
     )
 
 

@@ -106,6 +106,11 @@ class Hypothesis:
         return self.state in _ENDED
 
     @property
+    def ended(self) -> bool:
+        """Whether no step led lower, be it at a minimum or where a kink or a jump is in the way."""
+        return self.state != "active"
+
+    @property
     def chi2_per_sample(self) -> float:
         """χ²/N."""
         return self.chi2 / len(self.residuals)

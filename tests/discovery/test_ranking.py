@@ -15,7 +15,7 @@ def hypothesis(effects, excess):
         chi2=1000.0 + excess,
         name=" + ".join(e.name for e in effects) or "parameters",
         effects=effects,
-        converged=True,
+        ended=True,
         chi2_per_sample=2.0,
         parameters_of=lambda effect, width: {effect.strength.name: (1.0, 1.0 - width, 1.0 + width)},
     )
@@ -71,7 +71,7 @@ def test_parameters_that_suffice_are_beaten_only_by_a_margin():
 def test_a_fit_that_was_not_led_to_a_minimum_is_no_reason_to_name_an_effect(unfinished):
     found = competition(((), 1000.0, 0.001, -500.0), ((EXCITER,), 5.0, 0.001, -20.0))
     assert [c.name for c in rank_causes(found)] == ["exciter", "unknown"]
-    found.hypotheses[unfinished].converged = False
+    found.hypotheses[unfinished].ended = False
     assert [c.name for c in rank_causes(found)] == ["unknown"]
 
 
