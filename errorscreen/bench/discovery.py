@@ -101,8 +101,8 @@ def discovery_study(
         ``outside_place`` (right device) and ``outside_port`` of effects outside the library, ``both_found`` and
         ``both_wrong`` of two effects, each ``{value, interval, n}``; ``by_kind`` and ``by_device``, how many had which
         outcome; ``held_out_ratio_median``, error of the extended over that of the recalibrated model against the true
-        response where the cause was named rightly; ``true_structure_ratio_median``, the same over a fit of the true
-        structure; ``expected_calibration_error`` and ``reliability``.
+        response where the cause was named rightly; ``true_structure_ratio_median`` and ``..._p90``, the same over a fit
+        of the true structure, and its 90 % quantile; ``expected_calibration_error`` and ``reliability``.
 
     Raises
     ------
@@ -329,8 +329,9 @@ def summarise(rows: Sequence[_Record]) -> dict[str, Any]:
         "rates": rates,
         "by_kind": by_kind,
         "by_device": by_device,
-        "held_out_ratio_median": _median_ratio(right, "extended", "recalibrated"),
-        "true_structure_ratio_median": _median_ratio(right, "extended", "true_structure"),
+        "held_out_ratio_median": _ratio(right, "extended", "recalibrated"),
+        "true_structure_ratio_median": _ratio(right, "extended", "true_structure"),
+        "true_structure_ratio_p90": _ratio(right, "extended", "true_structure", 0.9),
         **_calibration(rows),
         "seconds_median": float(np.median([r["seconds"] for r in rows])),
         "seconds_max": float(max(r["seconds"] for r in rows)),
@@ -346,13 +347,13 @@ def _port(record: _Record) -> tuple[str, str] | None:
     return (record["place"]["device"], record["place"]["port"]) if record["place"] else None
 
 
-def _median_ratio(rows: Sequence[_Record], above: str, below: str) -> float | None:
+def _ratio(rows: Sequence[_Record], above: str, below: str, quantile: float = 0.5) -> float | None:
     ratios = [
         r["held_out"][above] / r["held_out"][below]
         for r in rows
         if r["held_out"][above] is not None and r["held_out"][below]
     ]
-    return float(np.median(ratios)) if ratios else None
+    return float(np.quantile(ratios, quantile)) if ratios else None
 
 
 def _calibration(rows: Sequence[_Record]) -> dict[str, Any]:

@@ -81,6 +81,7 @@ def tables(result: dict[str, Any]) -> str:
             "held_out_ratio_median"
         ],
         "the same over a fit of the true structure": result["true_structure_ratio_median"],
+        "90 % quantile of that": result["true_structure_ratio_p90"],
         "expected calibration error of the probabilities": result["expected_calibration_error"],
         "seconds a search, median": result["seconds_median"],
         "longest": result["seconds_max"],
