@@ -128,6 +128,7 @@ def test_rates_count_what_they_say():
     assert rates["both_found"] == 0
     assert found["held_out_ratio_median"] == pytest.approx(0.1)
     assert found["true_structure_ratio_median"] == pytest.approx(1.25)
+    assert found["true_structure_ratio_p90"] == pytest.approx(1.25)
     low, high = found["rates"]["correct"]["interval"]
     assert low == pytest.approx(0.262, abs=1e-3)  # 6 of 10, Clopper and Pearson
     assert high == pytest.approx(0.878, abs=1e-3)
