@@ -13,7 +13,7 @@ from errorscreen.persistence import write_text_atomic
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 LEVELS = (40.0, 30.0, 20.0)
-SCENARIOS, SEED, JOBS, LEAST_SIZE = 80, 97, 2, 0.3
+SCENARIOS, SEED, JOBS, LEAST_SIZE = 80, 227, 2, 0.3
 
 
 def table(results):

@@ -168,11 +168,11 @@ def _with_two(found: Competition, alone: list[Cause], exact: list[Cause]) -> lis
 def _of_a_kind(found: Competition) -> list[Cause]:
     """Effects that explain nearly everything, though not in the form that the library gives them.
 
-    Single ones if one of them does; else pairs, of which more is asked. Nothing that was not led to its end,
-    and nothing at all beside parameters that were not: other values of them may do as well.
+    Single ones if one of them does; else pairs, of which more is asked. Nothing beside parameters that were not
+    led to their end: other values of them may do as well. (An effect that was not explains even more than is seen.)
     """
     for size, most in ((1, _FORM), (2, _FORM_OF_TWO)):
-        members = [h for h in found.with_effects(size) if h.ended and found.base.ended]
+        members = found.with_effects(size) if found.base.ended else []
         left = np.array([1.0 - _explained(found, h) for h in members])
         if len(left) and left.min() < most:
             break

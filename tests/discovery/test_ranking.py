@@ -67,11 +67,10 @@ def test_parameters_that_suffice_are_beaten_only_by_a_margin():
     assert large[0].kind == "measurement"
 
 
-@pytest.mark.parametrize("unfinished", [0, 1], ids=["parameters", "effect"])
-def test_a_fit_that_was_not_led_to_a_minimum_is_no_reason_to_name_an_effect(unfinished):
+def test_parameters_that_were_not_led_to_their_end_are_no_reason_to_name_an_effect():
     found = competition(((), 1000.0, 0.001, -500.0), ((EXCITER,), 5.0, 0.001, -20.0))
     assert [c.name for c in rank_causes(found)] == ["exciter", "unknown"]
-    found.hypotheses[unfinished].ended = False
+    found.base.ended = False
     assert [c.name for c in rank_causes(found)] == ["unknown"]
 
 
