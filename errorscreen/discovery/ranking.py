@@ -100,7 +100,7 @@ def rank_causes(found: Competition) -> list[Cause]:
     causes = _exact(found)
     if not causes:
         causes = _of_a_kind(found)
-    elif _form_alone(found, causes):
+    elif found.base.ended and _form_alone(found, causes):
         causes = _with_two(found, _of_a_kind(found), causes)
     causes.sort(key=lambda c: -c.probability)
     unknown = 1.0 - sum(c.probability for c in causes)
