@@ -82,6 +82,18 @@ def noise_slope(problem: FitProblem, u: NDArray[np.float64]) -> tuple[NDArray[np
     ----------
     problem : FitProblem
     u : ndarray of shape (k,)
+
+    Examples
+    --------
+    With a larger transient reactance less noise passes.
+
+    >>> from errorscreen.cases.demo import demo_recordings
+    >>> from errorscreen.simulators import PlantSimulator
+    >>> recording, _, _ = demo_recordings(0)
+    >>> problem = FitProblem(PlantSimulator("synchronous_machine", recording), recording)
+    >>> slope, _ = noise_slope(problem, np.zeros(8))
+    >>> bool(slope[problem.names.index("Xd1")] < 0)
+    True
     """
     lower, upper = problem.scaled_bounds
     inwards = np.where(u <= 0.5 * (lower + upper), _STEP, -_STEP)

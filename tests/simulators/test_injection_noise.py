@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from errorscreen.observations import Observation
 from errorscreen.simulators import injection_noise
@@ -20,17 +21,17 @@ def on_the_edge():
     response = simulator.simulate(theta).values[0]
     noise = np.full(2, 1e-3)
     observation = Observation(event, response, noise, simulator.channels, simulator.units)
-    return response, simulator.quantified(observation, theta)
+    return simulator, theta, simulator.quantified(observation, theta)
 
 
 def test_a_response_in_which_something_else_happens_is_no_uncertainty(monkeypatch):
-    response, observation = on_the_edge()
-    after = observation.time > 1.6  # a plant that stops stays away for a second
+    _, _, observation = on_the_edge()
+    response, after = observation.values, observation.time > 1.6  # a plant that stops stays away for a second
     assert response[0, after].min() < 0.01
     assert np.abs(observation.modes[..., after]).max(initial=0.0) < 0.1  # the return shifts a little
     assert observation.extra[:, after].max() < 0.1
     monkeypatch.setattr(injection_noise, "_ANOTHER", np.inf)
-    _, explains_anything = on_the_edge()
+    _, _, explains_anything = on_the_edge()
     assert np.abs(explains_anything.modes[..., after]).max() > 0.3
 
 
@@ -51,3 +52,58 @@ def test_noise_was_estimated_without_the_effects_that_are_tried_later():
     ]  # as if it had been estimated behind the lag
     np.testing.assert_allclose(found, expected, atol=1e-12)
     assert twice.mean() > 1.5 * max(expected.mean(), 1e-6)
+
+
+def lagged(T):
+    """A PV plant whose recorded active power lags, and parameters with which that is as long as said."""
+    simulator = plant("pv_plant", replace(dip(), noise={"V": 5e-3})).extend("lag_P")
+    theta = simulator.parameters.nominal
+    theta[simulator.parameters.index("lag_P.T")] = T
+    return simulator, theta
+
+
+def seen(simulator, noise):
+    return Observation(
+        simulator.event, simulator.baseline(), np.full(2, noise), simulator.channels, simulator.units
+    )
+
+
+def test_behind_a_filter_less_noise_is_expected_but_never_none():
+    simulator, filtered = lagged(0.2)
+    _, off = lagged(0.0)
+    observation = seen(simulator, 2e-2)
+    found = simulator.quantified(observation, filtered, off)
+    same = simulator.quantified(observation, off, off)
+    np.testing.assert_array_equal(same.noise, observation.noise)
+    assert found.noise[0] < 0.99 * observation.noise[0]
+    assert found.noise[1] == observation.noise[1]  # the reactive power is not filtered
+    little = seen(simulator, 1e-4)  # less than passes: what was estimated cannot be right
+    assert simulator.quantified(little, filtered, off).noise[0] == pytest.approx(1e-5)
+
+
+def test_the_energy_of_passed_noise_is_that_of_other_draws_and_the_same_at_every_call():
+    simulator, off = lagged(0.0)
+    observation = simulator.quantified(seen(simulator, 5e-3), off, off)
+    rows = np.stack([off, lagged(0.2)[1]])
+    energies = simulator.passed_noise(observation, rows)
+    np.testing.assert_array_equal(simulator.passed_noise(observation, rows), energies)
+    assert energies.shape == (injection_noise.NOISE_DRAWS, 2, 2)
+    rng, event = np.random.default_rng(99), observation.event
+    other = []
+    for _ in range(20):
+        noisy = event.signals["V"] + 5e-3 * rng.standard_normal(len(event.time))
+        drawn = replace(event, signals={**event.signals, "V": noisy})
+        change = simulator.simulate(off, drawn).values[0] - simulator.simulate(off, event).values[0]
+        other.append(np.nansum(observation.deviations(observation.values + change) ** 2, axis=1))
+    np.testing.assert_allclose(injection_noise.typical(energies)[0], np.mean(other, axis=0), rtol=0.15)
+    assert energies[:, 1, 0].max() < 0.5 * energies[:, 0, 0].min()  # the filter takes most of it
+
+
+def test_a_draw_with_which_something_else_happens_does_not_count():
+    simulator, theta, observation = on_the_edge()
+    rows = np.stack([theta, simulator.parameters.nominal])
+    energies = simulator.passed_noise(observation, rows)
+    assert np.isnan(energies[:, 0]).any()  # the plant stops, or does not, as the noise will have it
+    calm = replace(observation, event=replace(observation.event, noise={"V": 1e-3}))
+    assert np.isfinite(simulator.passed_noise(calm, rows)[:, 1]).all()
+    assert np.isnan(injection_noise.typical(np.full((3, 1, 2), np.nan))).all()
