@@ -122,6 +122,19 @@ class MAPCalibrator(BaseCalibrator):
         did not converge.
     groups_ : list of tuple of str
         Parameters that the recordings determine only together, see `collinear_groups`.
+
+    Examples
+    --------
+    >>> from errorscreen.cases.demo import demo_recordings
+    >>> from errorscreen.simulators import PlantSimulator
+    >>> recording, _, truth = demo_recordings(0)
+    >>> plant = PlantSimulator("synchronous_machine", recording)
+    >>> fit = MAPCalibrator(plant, n_starts=2, library_size=64, random_state=0).fit(recording)
+    >>> bool(fit.chi2_per_sample_ < 1.2)
+    True
+    >>> low, high = fit.intervals_[fit.names_.index("Xd1")]
+    >>> bool(low < truth["Xd1"] < high)
+    True
     """
 
     chi2_: float

@@ -44,6 +44,17 @@ class FitProblem:
         Number N of measured values in all recordings and channels.
     n_simulations, n_failed : int
         Simulations so far, over all events, and how many of them failed.
+
+    Examples
+    --------
+    >>> from errorscreen.cases.demo import demo_recordings
+    >>> from errorscreen.simulators import PlantSimulator
+    >>> recording, _, truth = demo_recordings(0)
+    >>> problem = FitProblem(PlantSimulator("synchronous_machine", recording), recording)
+    >>> true = [truth[name] for name in problem.names]
+    >>> nominal, right = problem.chi_square([problem.space.nominal, true]) / problem.n_values
+    >>> bool(nominal > 10), bool(right < 1.2)
+    (True, True)
     """
 
     def __init__(self, simulator: Simulator, recordings: Any, names: Iterable[str] | None = None) -> None:

@@ -56,6 +56,16 @@ class PSOCalibrator(BaseCalibrator):
     history_ : dict of str to ndarray of shape (iterations,)
         ``"objective"``: best J so far; ``"simulations"``: simulations so far; ``"failed"``: particles that
         failed in the iteration.
+
+    Examples
+    --------
+    >>> from errorscreen.cases.demo import demo_recordings
+    >>> from errorscreen.simulators import PlantSimulator
+    >>> recording, _, _ = demo_recordings(0)
+    >>> plant = PlantSimulator("synchronous_machine", recording)
+    >>> fit = PSOCalibrator(plant, ["Xd1", "Tj"], n_iterations=20, random_state=0).fit(recording)
+    >>> bool(fit.objective_ < fit.history_["objective"][0])
+    True
     """
 
     objective_: float

@@ -94,6 +94,15 @@ class BoundedSearch:
     tracks : list of Track
     slope : ndarray of shape (k,)
         Of the linear function of u that is subtracted; 0 to begin with.
+
+    Examples
+    --------
+    >>> search = BoundedSearch(lambda u: 10 * (u - 0.2), [-1.0], [1.0], prior=10.0, tol=1e-6, step=1e-4)
+    >>> search.begin([[0.9], [-0.9]])
+    >>> while search.iterate():
+    ...     pass
+    >>> search.best.u.round(3)
+    array([0.2])
     """
 
     def __init__(
