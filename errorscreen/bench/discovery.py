@@ -191,7 +191,9 @@ def run_scenario(
         "groups": groups,
         "probability": first.probability,
         "causes": [{"name": c.name, "probability": c.probability} for c in finder.causes_],
-        "place": None if place is None else {"device": place.device, "port": place.place},
+        "place": None
+        if place is None
+        else {"device": place.device, "port": place.place, "probability": place.probability},
         "outcome": outcome,
         "top_is_right": _top_is_right(hidden, first.name),
         "chi2_per_sample": {
