@@ -273,6 +273,8 @@ def test_interrupt_keeps_what_was_finished(tmp_path):
     process = subprocess.Popen(
         [sys.executable, "-m", "errorscreen", "run", case, "--out", str(tmp_path / "out")],
         stderr=subprocess.PIPE, stdout=subprocess.PIPE, cwd=Path(__file__).parents[1],
+        # what a shell runs in the background ignores interrupts, and so would the child
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )  # fmt: skip
     stages = tmp_path / "out" / "stages"
     deadline = time.monotonic() + 120
