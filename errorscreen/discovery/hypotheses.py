@@ -345,6 +345,21 @@ def parameters_only(problem: FitProblem, theta: ArrayLike, state: str) -> Hypoth
     return described((), problem, search, lowest)
 
 
+def reached(
+    effects: Sequence[Effect],
+    problem: FitProblem,
+    u: ArrayLike,
+    slope: ArrayLike,
+    objective: float,
+    state: str,
+) -> Hypothesis:
+    """Hypothesis at a point that a fit has reached, by one linearisation."""
+    search = _linearised(problem, u)
+    search.best.state = state
+    search.tilt(slope)
+    return described(effects, problem, search, objective)
+
+
 def _linearised(problem: FitProblem, u: ArrayLike) -> BoundedSearch:
     search = _search(problem)
     search.begin(u)

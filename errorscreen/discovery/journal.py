@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.checkpoint import Checkpoint
-from errorscreen.discovery.hypotheses import Hypothesis, JointFit
+from errorscreen.discovery.hypotheses import Hypothesis, reached
 from errorscreen.discovery.signatures import SignatureSearch, raced
 from errorscreen.effects.base import Effect
 from errorscreen.exceptions import SimulationError
@@ -106,7 +105,7 @@ class Journal:
         if not found:
             for number, name in enumerate(part["fits"]):
                 problem = problems[str(name)]
-                own = {key: part[f"{number}.{key}"] for key in ("u", "state")}
+                own = {key: part[f"{number}.{key}"] for key in ("u", "slope", "objective", "state")}
                 found.append(unpacked((*effects, problem.simulator.extensions[-1]), problem, own))
         for problem, count in zip(problems.values(), part["counts"], strict=True):
             problem.n_simulations = int(count)
@@ -133,10 +132,15 @@ class Journal:
 
 
 def packed(hypothesis: Hypothesis) -> Part:
-    """Point that a fit has reached."""
-    return {"u": hypothesis.u, "state": np.array(hypothesis.state)}
+    """Point that a fit has reached, and what its search knows of it."""
+    return {
+        "u": hypothesis.u,
+        "slope": hypothesis.slope,
+        "objective": np.array(hypothesis.objective),
+        "state": np.array(hypothesis.state),
+    }
 
 
 def unpacked(effects: Sequence[Effect], problem: FitProblem, part: Part) -> Hypothesis:
     """Hypothesis at a stored point."""
-    return replace(JointFit(effects, problem, part["u"]).hypothesis(), state=str(part["state"]))
+    return reached(effects, problem, part["u"], part["slope"], float(part["objective"]), str(part["state"]))

@@ -141,9 +141,7 @@ def passed_energy(observation: Observation, run: _Run) -> _Array:
             _same_response(c, y, np.asarray(observation.noise))
             for c, y in zip(changes, response, strict=True)
         ]
-        for name in set(added) & set(
-            observation.channels
-        ):  # the noise of what is compared too moves both sides
+        for name in added.keys() & observation.channels:  # what is compared too moves both sides
             changes[:, observation.channels.index(name)] -= added[name]
         energy = np.nansum(observation.deviations(observation.values + changes) ** 2, axis=-1)
         found.append(np.where(np.array(same)[:, None], energy, np.nan))

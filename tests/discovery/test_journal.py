@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from errorscreen.bench.plant_scenarios import draw_plant_scenario
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery import CauseFinder
-from errorscreen.discovery.hypotheses import candidates
-from errorscreen.discovery.journal import Journal
+from errorscreen.discovery.hypotheses import PRIOR, candidates, fit_hypothesis
+from errorscreen.discovery.journal import Journal, packed, unpacked
 from errorscreen.exceptions import InputError
 
 #: none of them is what is hidden, so that each part of a search has its turn
@@ -108,3 +109,18 @@ def test_an_effect_of_the_same_name_with_other_bounds_is_another(spring, tmp_pat
 def test_without_a_folder_nothing_is_kept():
     journal = Journal()
     assert [int(journal.part(lambda n=n: {"n": np.array(n)})["n"]) for n in range(3)] == [0, 1, 2]
+
+
+def test_a_stored_fit_keeps_what_its_search_knew_of_noise():
+    """With noise of 20 dB in what is injected a fit does not end where χ² is lowest."""
+    hidden = draw_plant_scenario(0, 20.0, kind="nothing", device="synchronous_machine")
+    problem = FitProblem(hidden.simulator, list(hidden.recordings))
+    fitted = fit_hypothesis((), problem, np.zeros(len(problem.names)))
+    again = unpacked((), problem, packed(fitted))
+    assert np.abs(fitted.slope).max() > 1.0
+    np.testing.assert_array_equal(again.slope, fitted.slope)
+    np.testing.assert_array_equal(again.u, fitted.u)
+    assert (
+        again.objective == fitted.objective < again.chi2 + again.passed.sum() + again.u @ again.u / PRIOR**2
+    )
+    assert again.evidence == pytest.approx(fitted.evidence, rel=1e-9)
