@@ -1,7 +1,8 @@
 """How many causes are named rightly, by size of the effect and by noise: renews table and figure in the docs.
 
-``python benchmarks/discovery_curves.py OUT [SCENARIOS [SEED [JOBS]]]``: so many hidden plant scenarios at each noise
-level, with effects down to a third of the noise. What is finished stays in OUT; the same call goes on from there.
+``python benchmarks/discovery_curves.py OUT [CASE [SCENARIOS [SEED [JOBS]]]]``: so many hidden scenarios at each noise
+level, with effects down to a third of the noise. What is finished stays in OUT; the same call, also one with more
+scenarios, goes on from there.
 """
 
 import sys
@@ -13,7 +14,9 @@ from errorscreen.persistence import write_text_atomic
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 LEVELS = (40.0, 30.0, 20.0)
-SCENARIOS, SEED, JOBS, LEAST_SIZE = 80, 227, 2, 0.3
+#: scenarios at each level, and seed, of the tables in the docs
+STUDIES = {"plant": (40, 227), "ieee39": (24, 239)}
+JOBS, LEAST_SIZE = 2, 0.3
 
 
 def table(results):
@@ -46,13 +49,15 @@ def _of(rate):
     return "" if rate["value"] is None else f"{round(rate['value'] * rate['n'])} of {rate['n']}"
 
 
-def main(out, scenarios=SCENARIOS, seed=SEED, jobs=JOBS):
+def main(out, case="plant", scenarios=None, seed=None, jobs=JOBS):
     """Run all levels, and write table and figure."""
+    usual = STUDIES[case]
     results = [
         discovery_study(
             Path(out) / f"{level:g}",
-            scenarios=scenarios,
-            seed=seed,
+            case=case,
+            scenarios=usual[0] if scenarios is None else scenarios,
+            seed=usual[1] if seed is None else seed,
             noise_db=level,
             least_size=LEAST_SIZE,
             n_jobs=jobs,
@@ -60,9 +65,10 @@ def main(out, scenarios=SCENARIOS, seed=SEED, jobs=JOBS):
         )
         for level in LEVELS
     ]
-    write_text_atomic(DOCS / "tables" / "discovery_curves.md", table(results))
-    power_figure(*results).savefig(DOCS / "images" / "discovery-curves.png", dpi=150)
+    name = "discovery_curves" if case == "plant" else f"discovery_curves_{case}"
+    write_text_atomic(DOCS / "tables" / f"{name}.md", table(results))
+    power_figure(*results).savefig(DOCS / "images" / f"{name.replace('_', '-')}.png", dpi=150)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], *(int(n) for n in sys.argv[2:]))
+    main(*sys.argv[1:3], *(int(n) for n in sys.argv[3:]))

@@ -189,3 +189,58 @@ def test_a_plant_with_a_slow_loop_is_named_so():
     value, low, high = cause.parameters["pll.s"]
     assert low < 5.0 < high
     assert value == pytest.approx(5.0, rel=0.25)
+
+
+#: a volt-var curve: centre and half width of its dead band in pu, and slope
+CENTRE, BAND, DROOP = 1.0, 0.02, 8.0
+
+
+def curve(V):
+    """Reactive power of a volt-var controller by its corner points."""
+    corners = [CENTRE - BAND - 0.1, CENTRE - BAND, CENTRE + BAND, CENTRE + BAND + 0.1]
+    return np.interp(V, corners, [0.1 * DROOP, 0.0, 0.0, -0.1 * DROOP])
+
+
+def staircase(levels, each=2.0, dt=0.02):
+    """The voltage goes from one level to the next, where it stays; it starts at the first one."""
+    time = np.arange(0, each * len(levels), dt)
+    point = {"V": levels[0], "P": 0.5, "Q": 0.1}
+    return Playback(time, "staircase", each, {"V": np.array(levels)[(time / each).astype(int)]}, point)
+
+
+@pytest.mark.parametrize("start", [0.96, 0.99, 1.01, 1.05])
+def test_reactive_power_follows_the_curve_wherever_it_starts(start):
+    """Inside the dead band or on either slope: what settles is the difference of two points of the curve."""
+    levels = [start, 0.99, 0.97, 0.94, 1.0, 1.03, 1.06]
+    event = staircase(levels)
+    simulator = plant("pv_plant", event).extend("volt_var")
+    own = {"K": DROOP, "db": BAND, "Vc": CENTRE - start, "T": 0.05, "Td": 0.02, "R": 5.0}
+    theta = simulator.parameters.nominal.copy()
+    theta[-len(own) :] = list(own.values())
+    assert simulator.parameters.names[-len(own) :] == tuple(f"volt_var.{name}" for name in own)
+    Q = simulator.simulate(theta).require_ok().values[0, 1]
+    settled = Q[np.searchsorted(event.time, 2.0 * np.arange(1, len(levels) + 1) - 0.1)]
+    assert settled - 0.1 == pytest.approx(curve(np.array(levels)) - curve(start), abs=2e-4)
+
+
+@pytest.mark.slow
+def test_a_volt_var_controller_that_starts_on_its_slope_is_named():
+    """The record is written by corner points and a lag, not by a device; steps in both directions tell the centre."""
+    event = staircase([0.96, 0.93, 0.985, 1.01, 1.04, 1.0, 0.96])
+    x, reactive = curve(0.96), []
+    for V in event.signals["V"]:
+        x += (curve(V) - x) * event.dt / 0.3
+        reactive.append(0.1 + x - curve(0.96))
+    rng = np.random.default_rng(5)
+    noise = np.full(2, 1e-3)
+    y = np.array([np.full(len(reactive), 0.5), reactive]) + noise[:, None] * rng.standard_normal(
+        (2, len(reactive))
+    )
+    model = plant("pv_plant", event, n_threads=1)
+    finder = CauseFinder(model, random_state=0).fit(Observation(event, y, noise, model.channels, model.units))
+    cause = finder.causes_[0]
+    assert cause.name == "volt_var"
+    found = {name.removeprefix("volt_var."): value for name, (value, _, _) in cause.parameters.items()}
+    assert found["K"] == pytest.approx(DROOP, rel=0.1)
+    assert found["db"] == pytest.approx(BAND, abs=0.004)
+    assert found["Vc"] == pytest.approx(CENTRE - 0.96, abs=0.004)
