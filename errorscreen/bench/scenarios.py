@@ -31,6 +31,8 @@ MIX = (
 HELD = ("effect", "two effects", "measurement")
 #: an effect is hidden only if what survives a refit of the parameters is at least so many times the noise
 LEAST_SIZE = 3.0
+#: a range over more than this ratio is drawn from in the logarithm
+_WIDE = 10.0
 #: draws of an effect until one is large enough
 TRIES = 200
 
@@ -120,14 +122,20 @@ def draw_kind(rng: np.random.Generator, mix: Sequence[tuple[str, float]] = MIX) 
 
 
 def draw_values(effect: Effect, rng: np.random.Generator) -> _Array:
-    """Parameters inside the middle of their ranges; a strength of either sign where both are allowed."""
+    """Parameters inside the middle of their ranges; a strength of either sign where both are allowed.
+
+    Time constants and others whose range is wide are drawn by order of magnitude.
+    """
     values = []
     for j, p in enumerate(effect.parameters):
         if j == 0:
             share = rng.uniform(0.15, 0.9)
             values.append(share * p.upper if p.lower == 0 or rng.random() < 0.5 else share * p.lower)
         else:
-            values.append(p.lower + (p.upper - p.lower) * rng.uniform(0.1, 0.9))
+            share = rng.uniform(0.1, 0.9)
+            wide = p.lower > 0 and p.upper > _WIDE * p.lower
+            linear = p.lower + (p.upper - p.lower) * share
+            values.append(p.lower * (p.upper / p.lower) ** share if wide else linear)
     return np.array(values)
 
 

@@ -18,7 +18,7 @@ from errorscreen.effects.load import FREQUENCY_DEPENDENCE, MOTOR_LOAD, STATIC_AC
 from errorscreen.effects.measurement import measurement_effects
 from errorscreen.effects.phase_locked_loop import PHASE_LOCKED_LOOP
 from errorscreen.effects.ramp_limit import RAMP_LIMIT
-from errorscreen.effects.ride_through import RIDE_THROUGH, RIDE_THROUGH_TRIP
+from errorscreen.effects.ride_through import HIGH_VOLTAGE_TRIP, RIDE_THROUGH, RIDE_THROUGH_TRIP
 from errorscreen.effects.saturation import SATURATION
 from errorscreen.effects.stabiliser import STABILISER
 from errorscreen.effects.volt_var import VOLT_VAR
@@ -56,6 +56,7 @@ LIBRARY: dict[str, tuple[Effect, ...]] = {
         VOLT_VAR,
         RIDE_THROUGH,
         RIDE_THROUGH_TRIP,
+        HIGH_VOLTAGE_TRIP,
         RAMP_LIMIT,
         forced_oscillation("Ip_cmd"),
         latent_input("Ip_cmd", 1.0),
@@ -81,6 +82,7 @@ __all__ = [
     "FIELD_CURRENT_LIMITER",
     "FREQUENCY_DEPENDENCE",
     "GOVERNOR",
+    "HIGH_VOLTAGE_TRIP",
     "KINDS",
     "LIBRARY",
     "MOTOR_LOAD",

@@ -14,7 +14,8 @@ one, the current (PV12) lies along the angle of a loop (T2), and power follows f
     P_{pv} &= P_0\,[1 - k(v_{dc} - 1)^2]^+,\quad v_{dc} = \sqrt{W},\quad
     k = k_{pv}\ \text{if}\ v_{dc} > 1\ \text{else}\ 1                                       & (PV4)\\
     C_{dc}\dot W/2 &= P_{pv} - P                                                         & (PV5)\\
-    I_p^n &= K_{Pdc}(v_{dc} - 1) + x_{dc},\quad \dot x_{dc} = (1 - w)\,r\,K_{Idc}(v_{dc} - 1)  & (PV6)\\
+    I_p^n &= f K_{Pdc}(v_{dc} - 1) + x_{dc},\quad \dot x_{dc} = (1 - w)f K_{Idc}(v_{dc} - 1),\quad
+    f = [1 - (1 - r)/\Delta r]_0^1                                                       & (PV6)\\
     I_q^n &= K_{PQ}(r Q_{ref} - Q_f) + x_q,\quad \dot x_q = (1 - w) K_{IQ}(r Q_{ref} - Q_f)    & (PV7)\\
     I_p^{LV} &= K_{1,Ip} V_f + K_{2,Ip} I_{p0} + I_{p,set}                                & (PV8)\\
     I_q^{LV} &= K_{1,Iq}(V_{LV} - V_f) + K_{2,Iq} I_{q0} + K_{Q,LV} Q_0/V_f           & (PV9)\\
@@ -24,9 +25,10 @@ one, the current (PV12) lies along the angle of a loop (T2), and power follows f
     \dot I_q = \big[(I_q^* - I_q)/T_g\big]_{\pm R_{Iq}}                                     & (PV11)\\
     C &= (I_p - jI_q)\,e^{j\vartheta}                                                    & (PV12)
 
-Both commands of (PV10) are multiplied by a release r that is 1; effects change it, and the priority of the limit. So
-that nothing winds up while it is less, the integral of (PV6) slows down with it and the reference of (PV7) goes with
-it.
+Both commands of (PV10) are multiplied by a release r that is 1; effects change it, and the priority of the limit. While
+more than :math:`\Delta r` = 0.05 is blocked, the control of the dc voltage rests: it would make up for what is blocked,
+up to the current limit, although the array is held off its point of maximum power on purpose. So the current comes back
+as the release does, to what it was before. The reference of (PV7) goes with the release: nothing winds up there either.
 
 (PV3) is a cubic transition over the band :math:`\Delta V_{LV}` below the threshold instead of a hard switch, so that
 the response is differentiable in all parameters. In (PV4) the power falls steeply towards the array's open-circuit
@@ -49,6 +51,8 @@ from errorscreen.power.grid_terminal import phase_locked_loop, terminal_power
 
 #: below this voltage the divisions by V stop; a converter at a dead terminal injects its limits anyway
 _V_MIN = 0.05
+#: share of the current that may be blocked before the control of the dc voltage rests
+_BLOCKED = 0.05
 
 
 @stage("V", "P", "Q")
@@ -98,10 +102,11 @@ def outer_loops(
     KPdc: Any, KIdc: Any, KPQ: Any, KIQ: Any, Imax: Any, Taw: Any,
 ) -> Any:  # fmt: skip
     """Control of dc voltage and reactive power, frozen during ride-through, (PV6), (PV7)."""
-    Ip_n = KPdc * (vdc - 1.0) + clip(xdc, 0.0, Imax)
+    free = clip(1.0 - (1.0 - release) / _BLOCKED, 0.0, 1.0)
+    Ip_n = free * KPdc * (vdc - 1.0) + clip(xdc, 0.0, Imax)
     lacking = release * Qref - Qf
     Iq_n = KPQ * lacking + clip(xq, -Imax, Imax)
-    d_xdc = back_calculate(xdc, (1.0 - w) * release * KIdc * (vdc - 1.0), 0.0, Imax, Taw)
+    d_xdc = back_calculate(xdc, (1.0 - w) * free * KIdc * (vdc - 1.0), 0.0, Imax, Taw)
     d_xq = back_calculate(xq, (1.0 - w) * KIQ * lacking, -Imax, Imax, Taw)
     return Ip_n, d_xdc, Iq_n, d_xq
 

@@ -214,7 +214,7 @@ def test_reactive_power_follows_the_curve_wherever_it_starts(start):
     levels = [start, 0.99, 0.97, 0.94, 1.0, 1.03, 1.06]
     event = staircase(levels)
     simulator = plant("pv_plant", event).extend("volt_var")
-    own = {"K": DROOP, "db": BAND, "Vc": CENTRE - start, "T": 0.05, "Td": 0.02, "R": 5.0}
+    own = {"K": DROOP, "db": BAND, "Vc": CENTRE - start, "Qm": 1.0, "T": 0.05, "Td": 0.02, "R": 5.0}
     theta = simulator.parameters.nominal.copy()
     theta[-len(own) :] = list(own.values())
     assert simulator.parameters.names[-len(own) :] == tuple(f"volt_var.{name}" for name in own)
@@ -226,7 +226,7 @@ def test_reactive_power_follows_the_curve_wherever_it_starts(start):
 @pytest.mark.slow
 def test_a_volt_var_controller_that_starts_on_its_slope_is_named():
     """The record is written by corner points and a lag, not by a device; steps in both directions tell the centre."""
-    event = staircase([0.96, 0.93, 0.985, 1.01, 1.04, 1.0, 0.96])
+    event = staircase([0.96, 0.93, 0.95, 0.985, 1.01, 1.04, 1.06, 1.0, 0.96])
     x, reactive = curve(0.96), []
     for V in event.signals["V"]:
         x += (curve(V) - x) * event.dt / 0.3
@@ -244,3 +244,31 @@ def test_a_volt_var_controller_that_starts_on_its_slope_is_named():
     assert found["K"] == pytest.approx(DROOP, rel=0.1)
     assert found["db"] == pytest.approx(BAND, abs=0.004)
     assert found["Vc"] == pytest.approx(CENTRE - 0.96, abs=0.004)
+
+
+@pytest.mark.parametrize(("effect", "level"), [("trip", 0.94), ("trip_high", 1.15)])
+def test_a_tripped_plant_comes_back_as_its_settings_say(effect, level):
+    """Off after the timer, away for the waiting time, a share back at once and the rest in a straight line."""
+    time = np.arange(0, 6.0, 0.01)
+    event = Playback(
+        time, "step", 1.0, {"V": np.where(time > 1.0, level, 1.0)}, {"V": 1.0, "P": 0.6, "Q": 0.1}
+    )
+    base = plant("pv_plant", event, step=1 / 400)
+    simulator = base.extend(effect)
+    Tth, Tc, r0, Tramp = 0.5, 1.0, 0.25, 2.0
+    vth = 0.95 if level < 1 else 1.1
+    P, Q = simulator.simulate([*base.parameters.nominal, 1.0, vth, Tth, Tc, r0, Tramp]).require_ok().values[0]
+    before = base.baseline()[0]
+    off, back, whole = 1.0 + Tth, 1.0 + Tth + Tc, 1.0 + Tth + Tc + Tramp
+    assert np.array_equal(P[time < off], before[time < off])
+    away = (time > off + 0.2) & (time < back - 0.02)
+    assert np.abs(P[away]).max() < 2e-3
+    assert np.abs(Q[away]).max() < 2e-3
+    ramp = (time > back + 0.3) & (time < whole - 0.2)
+    # the current regulator lags behind the command by its time constant
+    share = r0 + (1 - r0) * (time - base.parameters["Tg"].nominal - back) / Tramp
+    current = (P / share)[ramp] / level
+    # straight, and to what the slow control had come to: it had half a second for the new voltage
+    assert np.ptp(current) < 0.01 * current.mean()
+    assert current.mean() == pytest.approx(0.6, rel=0.1)
+    assert P[-1] == pytest.approx(0.6, rel=0.01)
