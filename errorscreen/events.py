@@ -88,11 +88,14 @@ class Playback(Event):
     noise : mapping of str to float
         Standard deviation of the noise of what was measured of the signals, by name; ``"f"`` where the angle is the
         integral of a frequency. Empty for signals without noise.
+    age : float
+        Seconds that readings may be older than their time stamps, because a meter holds them.
     """
 
     signals: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
     initial: Mapping[str, float] = field(default_factory=dict)
     noise: Mapping[str, float] = field(default_factory=dict)
+    age: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()

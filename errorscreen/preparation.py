@@ -140,15 +140,31 @@ def check_response(time: NDArray[np.float64], start: float, where: str) -> None:
         )
 
 
-def treat_held(values: dict[str, NDArray[np.float64]], held: str, notes: list[str]) -> None:
-    """Replace stale repeats of held channels by NaN, in place, unless `held` is ``"keep"``."""
+def treat_held(
+    time: NDArray[np.float64], values: dict[str, NDArray[np.float64]], held: str, notes: list[str]
+) -> dict[str, float]:
+    """Replace stale repeats of held channels by NaN, in place, unless `held` is ``"keep"``.
+
+    Returns
+    -------
+    dict of str to float
+        Of each held channel for how many seconds the meter holds a reading.
+    """
+    ages = {}
     for name, array in values.items():
         hold = signals.hold_length(array)
-        if hold > 1 and held == "drop":
+        if hold == 1:
+            continue
+        ages[name] = hold * float(np.median(np.diff(time)))
+        if held == "drop":
             values[name] = signals.drop_held(array, hold)
-            notes.append(f"{name} repeats each reading about {hold} times; stale repeats were dropped.")
-        elif hold > 1:
-            notes.append(f"{name} repeats each reading about {hold} times; the staircase was kept.")
+            treated = "stale repeats were dropped"
+        else:
+            treated = "the staircase was kept"
+        notes.append(
+            f"{name} repeats each reading about {hold} times; {treated}. A reading may be {ages[name]:.2g} s old."
+        )
+    return ages
 
 
 def channel_noise(

@@ -33,12 +33,15 @@ class Channel:
     unit : str
     noise : float
         Standard deviation of the measurement noise, in `unit`; positive.
+    age : float
+        Seconds that a reading may be older than its time stamp, because the meter holds it.
     """
 
     name: str
     values: NDArray[np.float64]
     unit: str
     noise: float
+    age: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,7 +168,7 @@ class Recording:
         preparation.check_extras(arrays, noise or {}, given or {}, where)
         notes = list(assumptions)
         start = preparation.find_event(t, arrays, event_time, notes, where)
-        preparation.treat_held(arrays, held, notes)
+        ages = preparation.treat_held(t, arrays, held, notes)
         quiet = preparation.quiet_part(t, start, where)
         preparation.check_response(t, start, where)
         if event_time is not None:
@@ -174,7 +177,7 @@ class Recording:
         for key, v in arrays.items():
             unit = ROLE_UNITS.get(key) or (units or {}).get(key, "")
             sigma = preparation.channel_noise(key, t, v, quiet, noise or {}, unit, notes, where)
-            channels[key] = Channel(key, v, unit, sigma)
+            channels[key] = Channel(key, v, unit, sigma, ages.get(key, 0.0))
         recording = cls(name, t, channels, base_mva, f_nominal, start, quiet, base_kv, dict(given or {}))
         if "V" in channels or "V" in recording.given:
             notes += preparation.warn_implausible(recording.initial(["V"])["V"], where)

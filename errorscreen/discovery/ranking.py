@@ -13,7 +13,7 @@ from errorscreen.discovery.hypotheses import Hypothesis
 _MISSING = 0.5
 #: logarithm of the evidence by which an effect must beat parameters that leave nothing beyond noise: errors of size of
 #: the noise that no one has modelled would otherwise be named
-_MARGIN = 10.0
+_MARGIN = 13.0
 #: an effect in another form than the library's leaves at most about this share of what parameters leave (in amplitude
 #: 22 %); what no library holds leaves twice as much and more beside the nearest effect
 _FORM = 0.05
@@ -123,6 +123,9 @@ def _exact(found: Competition) -> list[Cause]:
         adequate.append(base)  # a conspicuous cell, but nothing that an effect explains better
     tried = max(1, len(found.signatures))
     suffice = base in adequate
+    if suffice:  # an effect is not needed, and least of all one that leaves what looks less like noise
+        p = found.remainders[base.name].p_value
+        adequate = [h for h in adequate if not h.effects or found.remainders[h.name].p_value >= p]
     logs = []
     for h in adequate:
         prior = 1.0 - _MISSING if not h.effects else _MISSING / tried ** len(h.effects)

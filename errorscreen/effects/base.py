@@ -42,19 +42,30 @@ def strength(
     symbol: str,
     description: str,
     lower: float = 0.0,
+    scale: float | None = None,
 ) -> Parameter:
     """First parameter of an effect, which is the identity at 0; for the others see `value`.
+
+    Where more is known of its size than its range, `scale` says so: the prior's standard deviation is 0.3 times that.
 
     Examples
     --------
     >>> strength("K", 100.0, 400.0, "pu", "exciter", "K", "gain").lower
     0.0
     """
-    return value(name, typical, lower, upper, unit, of, symbol, description)
+    return value(name, typical, lower, upper, unit, of, symbol, description, scale)
 
 
 def value(
-    name: str, typical: float, lower: float, upper: float, unit: str, of: str, symbol: str, description: str
+    name: str,
+    typical: float,
+    lower: float,
+    upper: float,
+    unit: str,
+    of: str,
+    symbol: str,
+    description: str,
+    scale: float | None = None,
 ) -> Parameter:
     """Parameter of an effect. Nothing is known about it but its range, so its scale is wide.
 
@@ -63,7 +74,7 @@ def value(
     >>> value("TE", 0.1, 0.0, 1.5, "s", "exciter", "T_E", "time constant").scale
     3.0
     """
-    scale = _SCALE * (upper - lower)
+    scale = _SCALE * (upper - lower) if scale is None else scale
     return Parameter(name, typical, lower, upper, unit, of, symbol, description, scale=scale)
 
 

@@ -25,6 +25,10 @@ from numpy.typing import NDArray
 
 from errorscreen.effects.base import Effect, strength
 
+#: scale errors and offsets of instruments are a few per cent, so that larger ones have to be shown: standard deviation
+#: of the prior, 5 %, over 0.3, see `strength`
+_USUAL = 0.05 / 0.3
+
 _Array = NDArray[np.float64]
 
 
@@ -107,7 +111,7 @@ def _of_channel(channel: str, unit: str, size: float, late: float) -> tuple[Effe
     return (
         Effect(
             f"scale_{channel}", f"Scale error of {channel}", port, scaled,
-            (strength("a", 0.05, 0.25, "", of, "a", "relative scale error; 0: none", -0.25),),
+            (strength("a", 0.05, 0.25, "", of, "a", "relative scale error; 0: none", -0.25, _USUAL),),
             recorded=true_of_scaled, kind="measurement", formula="measured = (1 + a) · true",
             description=f"A transformer ratio, a calibration or a base is wrong: all of {channel}, its level before "
             "the event included, is too large or too small by the same factor.",
@@ -116,7 +120,7 @@ def _of_channel(channel: str, unit: str, size: float, late: float) -> tuple[Effe
         ),
         Effect(
             f"offset_{channel}", f"Offset of {channel}", port, offset,
-            (strength("b", 0.02 * size, 0.2 * size, unit, of, "b", "offset; 0: none", -0.2 * size),),
+            (strength("b", 0.02 * size, 0.2 * size, unit, of, "b", "offset; 0: none", -0.2 * size, _USUAL * size),),
             recorded=true_of_offset, kind="measurement", formula="measured = true + b",
             description=f"A constant is added to {channel}: auxiliaries or other feeders behind the meter, or a zero "
             "error.",

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
+from scipy.ndimage import maximum_filter1d, median_filter, minimum_filter1d
 
 from errorscreen.events import Playback
 from errorscreen.observations import Observation
@@ -24,6 +24,10 @@ _MATTERS, _MOST_MODES = 0.3, 48
 _LEAST_SHARE = 0.1
 #: a change of the response, rms, by more than this part of its movement and so many times the noise is another response
 _ANOTHER, _LEAST = 0.2, 3.0
+#: a signal jumps where it changes by so many standard deviations of its noise more than beside, and most such jumps
+_JUMP, _MOST_JUMPS = 8.0, 48
+#: standard deviation of what is equally probable anywhere in an interval, as a share of its length
+_ANYWHERE = 12**-0.5
 #: draws of the noise for its energy; with five, the slope of the energy is known to about a thirtieth
 NOISE_DRAWS = 5
 
@@ -91,6 +95,7 @@ def quantified(observation: Observation, run: _Run, step: float, nominal: _Run) 
         change = np.abs(changed(event, **options))
         usual = 3.0 * change[:, part].max(axis=1, initial=0.0)  # what noise alone makes of it
         extra = np.hypot(extra, np.where(change > usual[:, None], change, 0.0))
+    extra = np.hypot(extra, _late(observation, part))
     inputs = input_noise(event)
     passed = _passed(changed, event, inputs, observation.channels)
     counted = _passed(_changes(nominal, nominal(event), noise), event, inputs, observation.channels)
@@ -192,7 +197,7 @@ def _passed(changed: _Run, event: Playback, inputs: _Inputs, channels: tuple[str
 
 
 def _modes(changed: _Run, event: Playback, inputs: _Inputs, noise: _Array, step: float) -> _Array:
-    """Slow errors (K, R, L) that the noise of the injected signals makes behind the dynamics of the model.
+    """Slow errors (K, R, L) that noise and unknown instants of the injected signals make behind the model's dynamics.
 
     White noise over a block of samples acts on slow dynamics as their sum does, so each block is moved as a whole by
     what its sum scatters, and what follows after the block is kept: what passes at once is white and part of `noise`.
@@ -209,6 +214,10 @@ def _modes(changed: _Run, event: Playback, inputs: _Inputs, noise: _Array, step:
             change = changed(_moved(event, name, moved), step=2 * step)
             change[:, : first + width + 2] = 0.0
             rows.append(change)
+    for last, moved in _jumps(event, inputs):
+        change = changed(moved, step=2 * step)
+        change[:, : last + 1] = 0.0  # at the samples themselves the signals are known
+        rows.append(change)
     if not rows:
         return np.zeros((0, len(noise), length))
     scaled = (np.array(rows) / noise[:, None]).reshape(len(rows), -1)
@@ -216,6 +225,62 @@ def _modes(changed: _Run, event: Playback, inputs: _Inputs, noise: _Array, step:
     keep = min(int((S > _MATTERS).sum()), _MOST_MODES)
     modes = (S[:keep, None] * Vt[:keep]).reshape(keep, len(noise), length)
     return np.asarray(modes * noise[:, None])
+
+
+def _late(observation: Observation, part: NDArray[np.bool_]) -> _Array:
+    """Standard deviation (R, L) of readings that a meter holds, because it is unknown how old they are.
+
+    A held reading may show any value that the channel has had for as long as it is held; so may the reading of the
+    injected voltage, which makes the response early.
+    """
+    event = observation.event
+    assert isinstance(event, Playback)
+    out = np.zeros(observation.values.shape)
+    if event.age == 0.0:
+        return out
+    size = 2 * int(np.ceil(event.age / event.dt)) + 1
+    for r, values in enumerate(observation.values):
+        known = np.isfinite(values)
+        if known.any():
+            filled = np.interp(event.time, event.time[known], values[known])
+            spread = maximum_filter1d(filled, size) - minimum_filter1d(filled, size)
+            usual = spread[part].max(initial=0.0)  # what noise alone makes of it
+            out[r] = _ANYWHERE * np.where(spread > usual, spread, 0.0)
+    return out
+
+
+def _jumps(event: Playback, inputs: _Inputs) -> list[tuple[int, Playback]]:
+    """Last sample of each jump, and the event with that jump one standard deviation of its instant earlier.
+
+    Where a signal jumps from one sample to the next, as at a fault, and moves little before and after, it may have done
+    so at any instant between them. The straight line that is drawn there has the right area if it did so in the middle.
+    All signals that jump there do so together. Where readings are held, they may have jumped while they were held.
+    """
+    width = max(1, round(event.age / event.dt))
+    if not inputs or len(event.time) <= 3 * width:
+        return []
+    change, alone = {}, {}
+    for name, (shape, sigma) in inputs.items():
+        x = event.signals[name]
+        change[name] = x[width:] - x[:-width]
+        size = np.abs(change[name])
+        alone[name] = size.copy()
+        alone[name][width:] -= size[:-width]
+        alone[name][:-width] -= size[width:]
+        alone[name][alone[name] < _JUMP * sigma * shape[0]] = 0.0
+    strength = np.max([alone[n] / (sigma * shape[0]) for n, (shape, sigma) in inputs.items()], axis=0)
+    peaks = np.flatnonzero((strength > 0) & (strength == maximum_filter1d(strength, 2 * width + 1)))
+    found = []
+    for k in sorted(peaks, key=lambda k: -strength[k])[:_MOST_JUMPS]:
+        moved = event
+        for name in inputs:
+            # area of the change times the time by which it is early, spread over the samples that it lies between
+            area = np.sign(change[name][k]) * alone[name][k] * _ANYWHERE * width
+            shift = np.zeros(len(event.time))
+            shift[k : k + width + 1] = area / (width + 1)
+            moved = _moved(moved, name, shift)
+        found.append((int(k) + width, moved))
+    return found
 
 
 def _moved(event: Playback, name: str, change: _Array) -> Playback:

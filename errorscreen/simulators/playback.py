@@ -127,7 +127,9 @@ def playback_observation(
         )
         for name in power
     }
-    event = Playback(time, source.name, source.event_time, signals, initial, injected)
+    used = {"V", *angle, *power, *channels} & set(source.channels)
+    age = max(source.channels[name].age for name in used)
+    event = Playback(time, source.name, source.event_time, signals, initial, injected, age)
     return Observation(event, values, noise, channels, ("pu",) * len(channels), tuple(notes))
 
 
