@@ -20,9 +20,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from errorscreen.calibration.attenuation import noise_slope, relieved
-from errorscreen.calibration.intervals import posterior_covariance
+from errorscreen.calibration.intervals import noise_inflation, posterior_covariance
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.calibration.search import BoundedSearch
+from errorscreen.discovery.noise import by_recording
 from errorscreen.effects.base import Effect
 from errorscreen.events import Event
 from errorscreen.observations import Observation
@@ -114,6 +115,12 @@ class Hypothesis:
     def chi2_per_sample(self) -> float:
         """χ²/N."""
         return self.chi2 / len(self.residuals)
+
+    @property
+    def inflation(self) -> float:
+        """How much larger, and smoother, what is left is than noise, see `noise_inflation`."""
+        left = by_recording(self.observations, self.residuals)
+        return noise_inflation([np.where(o.mask, z, np.nan) for o, z in left], 0)
 
     @property
     def levels(self) -> list[_Array]:

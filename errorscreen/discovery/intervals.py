@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery.hypotheses import PRIOR, Hypothesis
-from errorscreen.discovery.ranking import Cause, half_width
+from errorscreen.discovery.ranking import Cause, half_width, stamped
 from errorscreen.discovery.signatures import objectives, projected
 
 #: causes that are less probable are not looked at closely
@@ -56,7 +56,7 @@ def with_profiles(causes: Sequence[Cause], hypotheses: Sequence[Hypothesis]) -> 
             parameters = dict(cause.parameters)
             for name in _in_question(hypothesis, cause):
                 low, high, used = profile(hypothesis, name, half_width(hypothesis, cause.exact))
-                parameters[name] = (parameters[name][0], low, high)
+                parameters[name] = stamped(hypothesis, name, (parameters[name][0], low, high))
                 count += used
             cause = replace(cause, parameters=parameters)
         found.append(cause)

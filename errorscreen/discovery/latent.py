@@ -9,10 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from errorscreen.calibration.intervals import noise_inflation
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery.hypotheses import SLICE, Hypothesis, JointFit, race
-from errorscreen.discovery.noise import by_recording
 from errorscreen.effects.latent_input import KNOTS
 from errorscreen.events import InputSignal, Playback
 from errorscreen.exceptions import SimulationError
@@ -126,9 +124,7 @@ def probabilities_of(found: Sequence[Hypothesis]) -> _Array:
     ndarray of shape (n,)
     """
     logs = np.array([hypothesis.evidence for hypothesis in found])
-    best = found[int(np.argmax(logs))]
-    left = by_recording(best.observations, best.residuals)
-    logs = logs / noise_inflation([np.where(o.mask, z, np.nan) for o, z in left], 0)
+    logs = logs / found[int(np.argmax(logs))].inflation
     weights = np.exp(logs - logs.max())
     return np.asarray(weights / weights.sum())
 

@@ -205,13 +205,38 @@ def _cause(found: Competition, hypothesis: Hypothesis, probability: float, exact
         kind,
         probability,
         ", ".join(e.place for e in effects),
-        {e.local(n): v for e in effects for n, v in hypothesis.parameters_of(e, width).items()},
+        {
+            e.local(n): stamped(hypothesis, e.local(n), v)
+            for e in effects
+            for n, v in hypothesis.parameters_of(e, width).items()
+        },
         _explained(found, hypothesis),
         exact,
         bool(effects) and all(effect.occasional and effect.recording for effect in effects),
     )
 
 
+def stamped(
+    hypothesis: Hypothesis, name: str, interval: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """Value and interval of a parameter, wider for a time: it is known no better than when readings were taken.
+
+    Parameters
+    ----------
+    hypothesis : Hypothesis
+    name : str
+        Of the parameter.
+    interval : (float, float, float)
+        Value, lower and upper end.
+    """
+    own = hypothesis.simulator.parameters[name]
+    age = max(getattr(o.event, "age", 0.0) for o in hypothesis.observations)
+    half = _WIDTH * age / 12**0.5 if own.unit == "s" else 0.0
+    value, low, high = interval
+    low, high = value - float(np.hypot(value - low, half)), value + float(np.hypot(high - value, half))
+    return value, max(own.lower, low), min(own.upper, high)
+
+
 def half_width(hypothesis: Hypothesis, exact: bool) -> float:
-    """Half width of intervals for 90 % in standard deviations; errors of form count as noise of their size."""
-    return _WIDTH if exact else _WIDTH * float(np.sqrt(max(1.0, hypothesis.chi2_per_sample)))
+    """Half width of intervals for 90 % in standard deviations; errors of form count as noise as large and as smooth."""
+    return _WIDTH if exact else _WIDTH * float(np.sqrt(hypothesis.inflation))
