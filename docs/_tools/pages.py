@@ -12,7 +12,14 @@ from errorscreen.bench.plant_scenarios import FIT, OPERATING_POINT, RATE, START,
 from errorscreen.bench.speed import dip_event
 from errorscreen.cases import case_reference, ieee39_events, load_ieee39
 from errorscreen.cli import main
-from errorscreen.effects import FAULT_DURATION, FAULT_IMPEDANCE, LIBRARY, branch_trip, measurement_effects
+from errorscreen.effects import (
+    FAULT_DURATION,
+    FAULT_IMPEDANCE,
+    LIBRARY,
+    branch_trip,
+    common_skew,
+    measurement_effects,
+)
 from errorscreen.effects.generic.library import TEXTS
 from errorscreen.events import Playback
 from errorscreen.io.units import UNITS
@@ -223,7 +230,13 @@ _OF = {"measurement": "every simulator, for each of its channels", "event": "gri
 def effect_table(folder):
     """Effects of the library with the devices they fit, and a figure of what each changes."""
     inside = [effect for library in LIBRARY.values() for effect in library if effect.kind != "latent"]
-    outside = (*measurement_effects(["P"]), FAULT_DURATION, FAULT_IMPEDANCE, branch_trip((3, 4)))
+    outside = (
+        *measurement_effects(["P"]),
+        common_skew(),
+        FAULT_DURATION,
+        FAULT_IMPEDANCE,
+        branch_trip((3, 4)),
+    )
     effects = {effect.name: effect for effect in (*inside, *outside)}
     grid = load_ieee39(loads=[LoadUnderTest(LOAD_BUS)])
     time = np.arange(0, STOP, 1 / RATE)

@@ -18,7 +18,7 @@ from errorscreen.bench.scenarios import (
     draw_scenario,
     pick,
 )
-from errorscreen.effects import LIBRARY, Effect, measurement_effects
+from errorscreen.effects import LIBRARY, Effect, common_skew, measurement_effects
 from errorscreen.engine.vmath import smooth_step
 from errorscreen.events import Playback
 from errorscreen.observations import Observation
@@ -137,7 +137,7 @@ def _draw_effects(
         return (effect,), (name,)
     if kind == "outside":
         return (pick(rng, OUTSIDE[device]),), ()
-    faults = measurement_effects(DEVICES[device].outputs)
+    faults = (*measurement_effects(DEVICES[device].outputs), common_skew())
     chosen = pick(rng, faults)
     return (chosen,), (chosen.name,)
 
@@ -147,7 +147,7 @@ def _truth(device: str) -> PlantSimulator:
     """Simulator of hidden truths, with every effect of the library and all that only truths have."""
     own = (*(e for e, _ in OTHER_FORMS[device]), *OUTSIDE[device])
     mechanisms = tuple(e for e in LIBRARY[device] if e.kind == "mechanism")
-    faults = measurement_effects(DEVICES[device].outputs)
+    faults = (*measurement_effects(DEVICES[device].outputs), common_skew())
     event = _fine_event(FIT[0])
     return PlantSimulator(device, event, step=TRUTH_STEP, effects=(*mechanisms, *own, *faults), n_threads=1)
 

@@ -19,6 +19,8 @@ from errorscreen.simulators.base import Simulator
 
 #: an effect of which a placebo is made must be less probable than this
 _PLACEBO = 0.05
+#: a place whose signal explains less than this share of what parameters leave is a weak hint
+LITTLE = 0.5
 #: names of effects that are told in a sentence, at most
 _TOLD = 6
 
@@ -152,10 +154,21 @@ def place_text(places: Sequence[Place], simulator: Simulator) -> str:
     """Where something unknown enters, as far as the simulator has places for it."""
     if places:
         first = places[0]
-        return f"A signal that enters at {first.place} of the {first.device} would explain it best ({first.text})."
+        text = (
+            f"A signal that enters at {first.place} of the {first.device} would explain it best, "
+            f"{_percent(first.explained)} of what parameters leave ({first.text})."
+        )
+        if first.explained < LITTLE:
+            text += " That is little: time stamps and filters of what was recorded may be wrong instead."
+        return text
     if not any(effect.kind == "latent" for effect in simulator.effects):
         return "The simulator has no ports: what it lacks inside could neither be tried nor located."
     return "An unknown signal explains it at none of the simulator's ports."
+
+
+def _percent(share: float) -> str:
+    """Share in per cent, never rounded up to all of it."""
+    return f"{np.floor(1000.0 * share) / 10.0:.3g} %"
 
 
 def withdrawn_text(cause: Cause, gain: Gain) -> str:

@@ -15,7 +15,7 @@ from errorscreen.effects.forced_oscillation import forced_oscillation
 from errorscreen.effects.governor import GOVERNOR
 from errorscreen.effects.latent_input import latent_input
 from errorscreen.effects.load import FREQUENCY_DEPENDENCE, MOTOR_LOAD, STATIC_ACTIVE, STATIC_REACTIVE
-from errorscreen.effects.measurement import measurement_effects
+from errorscreen.effects.measurement import common_skew, measurement_effects
 from errorscreen.effects.phase_locked_loop import PHASE_LOCKED_LOOP
 from errorscreen.effects.ramp_limit import RAMP_LIMIT
 from errorscreen.effects.ride_through import HIGH_VOLTAGE_TRIP, RIDE_THROUGH, RIDE_THROUGH_TRIP
@@ -102,6 +102,7 @@ __all__ = [
     "VOLT_VAR",
     "Effect",
     "branch_trip",
+    "common_skew",
     "forced_oscillation",
     "latent_input",
     "measurement_effects",

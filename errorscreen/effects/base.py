@@ -22,6 +22,8 @@ Values = dict[str, NDArray[np.float64]]
 
 #: what an effect is: part of the plant, of the measurement, of what happened in the grid, or an unknown signal
 KINDS = ("mechanism", "measurement", "event", "latent")
+#: before the name of a measured channel in a port, and the port that stands for all of them
+CHANNEL, ALL_CHANNELS = "channel.", "channels"
 #: between the name of an effect and that of the only recording in which it acts
 DURING = "@"
 #: scale of an effect's parameter in multiples of its range: a prior of 0.3 times that is nearly flat
@@ -89,7 +91,8 @@ class Effect:
     title : str
         For reports.
     port : str
-        The quantity it changes: a port of the device, or ``"channel." + name`` for a measured channel.
+        The quantity it changes: a port of the device, ``"channel." + name`` for a measured channel, or ``"channels"``
+        for all of them.
     equations : callable
         The first argument, ``value``, is the quantity at the port. The others are quantities of the device or the
         effect's own states, parameters and derived constants. Returns the new value, then those of the ports
@@ -168,8 +171,12 @@ class Effect:
 
     @property
     def channel(self) -> str:
-        """Measured channel that it acts on; empty for one that acts inside the model."""
-        return self.port.removeprefix("channel.") if self.kind == "measurement" else ""
+        """Measured channel that it acts on; empty for one that acts on all, or inside the model."""
+        return self.port.removeprefix(CHANNEL) if self.port.startswith(CHANNEL) else ""
+
+    def distorts(self, channel: str) -> bool:
+        """Whether it is a fault of the measurement of a channel."""
+        return self.kind == "measurement" and (self.port == ALL_CHANNELS or self.channel == channel)
 
     @property
     def place(self) -> str:

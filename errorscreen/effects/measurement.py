@@ -23,7 +23,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from errorscreen.effects.base import Effect, strength
+from errorscreen.effects.base import ALL_CHANNELS, CHANNEL, Effect, strength
+from errorscreen.parameters import Parameter
 
 #: scale errors and offsets of instruments are a few per cent, so that larger ones have to be shown: standard deviation
 #: of the prior, 5 %, over 0.3, see `strength`
@@ -105,9 +106,39 @@ def measurement_effects(
     return tuple(effect for channel in channels for effect in _of_channel(channel, unit, size, late))
 
 
+def common_skew(late: float = 0.2) -> Effect:
+    """Clock skew of all compared channels together against what is injected.
+
+    Parameters
+    ----------
+    late : float
+        Largest clock skew in seconds.
+
+    Examples
+    --------
+    >>> common_skew().place
+    'channels'
+    """
+    return Effect(
+        "skew", "Clock skew of all compared channels", ALL_CHANNELS, skewed,
+        (_skew("measurement", late),),
+        kind="measurement", formula="measured(t) = true(t − d), for every channel",
+        description="The injected voltage and the channels that are compared were stamped by different clocks, or "
+        "filtered differently before they were recorded: every edge of all channels is moved by the same time. A "
+        "voltage that is late looks like channels that are early.",
+        source="IEEE Std C37.118.1, time error",
+        confused_with=("clock skew of a single channel", "a delay in the control"),
+    )  # fmt: skip
+
+
+def _skew(of: str, late: float) -> Parameter:
+    text = "time by which it is late against the injected signals; 0: none"
+    return strength("d", 0.1 * late, late, "s", of, "d", text, -late)
+
+
 def _of_channel(channel: str, unit: str, size: float, late: float) -> tuple[Effect, ...]:
     of = f"measurement of {channel}"
-    port = f"channel.{channel}"
+    port = f"{CHANNEL}{channel}"
     return (
         Effect(
             f"scale_{channel}", f"Scale error of {channel}", port, scaled,
@@ -129,7 +160,7 @@ def _of_channel(channel: str, unit: str, size: float, late: float) -> tuple[Effe
         ),
         Effect(
             f"skew_{channel}", f"Clock skew of {channel}", port, skewed,
-            (strength("d", 0.1 * late, late, "s", of, "d", "time by which the channel is late; 0: none", -late),),
+            (_skew(of, late),),
             kind="measurement", formula="measured(t) = true(t − d)",
             description=f"{channel} is stamped too late or too early against the other channels: every edge is moved "
             "by the same time.",

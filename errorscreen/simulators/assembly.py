@@ -191,9 +191,9 @@ def measured(
     """
     out = out.copy()
     for effect in effects:
-        if effect.channel in channels:
-            r = channels.index(effect.channel)
-            on = values[effect.local(effect.strength.name)] != 0
-            parameters = [values[effect.local(p.name)][on] for p in effect.parameters]
-            out[on, r] = effect.equations(out[on, r], h, *parameters)
+        on = values[effect.local(effect.strength.name)] != 0
+        parameters = [values[effect.local(p.name)][on] for p in effect.parameters]
+        for r, channel in enumerate(channels):
+            if effect.distorts(channel):
+                out[on, r] = effect.equations(out[on, r], h, *parameters)
     return out

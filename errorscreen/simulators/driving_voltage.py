@@ -30,7 +30,12 @@ def check_impedance(impedance: complex) -> complex:
 
 
 def driving_voltage(
-    event: Playback, every: int, needs_angle: bool, impedance: complex, interpolation: str
+    event: Playback,
+    every: int,
+    needs_angle: bool,
+    impedance: complex,
+    interpolation: str,
+    jump: tuple[int, int, bool] | None = None,
 ) -> NDArray[np.float64]:
     """Real and imaginary part of the driving voltage at every half step, shape (2 * n_steps + 1, 2).
 
@@ -38,6 +43,9 @@ def driving_voltage(
     cubics (F. N. Fritsch and J. Butland, SIAM J. Sci. Stat. Comput. 5, 1984), which follow a smooth signal to a higher
     order than straight lines and do not overshoot at a step. Behind an impedance the recorded current is the conjugate
     of (P + jQ) / V.
+
+    With a `jump`, (first sample, last sample, early), all signals jump between these two samples: just after the first,
+    or just before the last.
     """
     needed = ("V", *(("angle",) if needs_angle else ()), *(("P", "Q") if impedance else ()))
     if not set(needed) <= set(event.signals):
@@ -50,8 +58,13 @@ def driving_voltage(
 
     def between(values: NDArray[np.float64]) -> NDArray[np.float64]:
         if interpolation == "linear":
-            return np.interp(position, samples, values)
-        return np.asarray(PchipInterpolator(samples, values)(position))
+            found = np.interp(position, samples, values)
+        else:
+            found = np.asarray(PchipInterpolator(samples, values)(position))
+        if jump is not None:
+            first, last, early = jump
+            found[(position > first) & (position < last)] = values[last if early else first]
+        return found
 
     magnitude = between(event.signals["V"])
     V = (

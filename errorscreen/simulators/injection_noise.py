@@ -32,7 +32,7 @@ _ANYWHERE = 12**-0.5
 NOISE_DRAWS = 5
 
 _Array = NDArray[np.float64]
-#: Response (R, L) to an event, or its change; takes ``interpolation`` and ``step`` by name.
+#: Response (R, L) to an event, or its change; takes ``interpolation``, ``step`` and ``jump`` by name.
 _Run = Callable[..., _Array]
 #: Shape in time of what one sample of noise does to a signal, and its standard deviation, for each signal.
 _Inputs = Mapping[str, tuple[_Array, float]]
@@ -75,7 +75,8 @@ def quantified(observation: Observation, run: _Run, step: float, nominal: _Run) 
     observation : Observation
         Its event is a `Playback`.
     run : callable
-        ``run(event, interpolation=..., step=...)`` gives the response (R, L) of the model, NaN where it fails.
+        ``run(event, interpolation=..., step=..., jump=...)`` gives the response (R, L) of the model, NaN where it
+        fails.
     step : float
         Longest step of the integration that `run` uses, in seconds.
     nominal : callable
@@ -214,10 +215,9 @@ def _modes(changed: _Run, event: Playback, inputs: _Inputs, noise: _Array, step:
             change = changed(_moved(event, name, moved), step=2 * step)
             change[:, : first + width + 2] = 0.0
             rows.append(change)
-    for last, moved in _jumps(event, inputs):
-        change = changed(moved, step=2 * step)
-        change[:, : last + 1] = 0.0  # at the samples themselves the signals are known
-        rows.append(change)
+    for jump in _jumps(event, inputs):
+        early, late = (changed(event, jump=(*jump, early), step=2 * step) for early in (True, False))
+        rows.append(_ANYWHERE * (early - late))
     if not rows:
         return np.zeros((0, len(noise), length))
     scaled = (np.array(rows) / noise[:, None]).reshape(len(rows), -1)
@@ -249,38 +249,25 @@ def _late(observation: Observation, part: NDArray[np.bool_]) -> _Array:
     return out
 
 
-def _jumps(event: Playback, inputs: _Inputs) -> list[tuple[int, Playback]]:
-    """Last sample of each jump, and the event with that jump one standard deviation of its instant earlier.
+def _jumps(event: Playback, inputs: _Inputs) -> list[tuple[int, int]]:
+    """First and last sample of intervals in which a signal jumps, the largest jumps first.
 
-    Where a signal jumps from one sample to the next, as at a fault, and moves little before and after, it may have done
-    so at any instant between them. The straight line that is drawn there has the right area if it did so in the middle.
-    All signals that jump there do so together. Where readings are held, they may have jumped while they were held.
+    Where a signal changes from one sample to the next, as at a fault, and moves little before and after, it may have
+    done so at any instant between them. Where readings are held, it may have done so while they were held.
     """
     width = max(1, round(event.age / event.dt))
     if not inputs or len(event.time) <= 3 * width:
         return []
-    change, alone = {}, {}
+    strength = np.zeros(len(event.time) - width)
     for name, (shape, sigma) in inputs.items():
-        x = event.signals[name]
-        change[name] = x[width:] - x[:-width]
-        size = np.abs(change[name])
-        alone[name] = size.copy()
-        alone[name][width:] -= size[:-width]
-        alone[name][:-width] -= size[width:]
-        alone[name][alone[name] < _JUMP * sigma * shape[0]] = 0.0
-    strength = np.max([alone[n] / (sigma * shape[0]) for n, (shape, sigma) in inputs.items()], axis=0)
-    peaks = np.flatnonzero((strength > 0) & (strength == maximum_filter1d(strength, 2 * width + 1)))
-    found = []
-    for k in sorted(peaks, key=lambda k: -strength[k])[:_MOST_JUMPS]:
-        moved = event
-        for name in inputs:
-            # area of the change times the time by which it is early, spread over the samples that it lies between
-            area = np.sign(change[name][k]) * alone[name][k] * _ANYWHERE * width
-            shift = np.zeros(len(event.time))
-            shift[k : k + width + 1] = area / (width + 1)
-            moved = _moved(moved, name, shift)
-        found.append((int(k) + width, moved))
-    return found
+        change = np.abs(event.signals[name][width:] - event.signals[name][:-width])
+        alone = change.copy()
+        alone[width:] -= change[:-width]
+        alone[:-width] -= change[width:]
+        strength = np.maximum(strength, alone / (sigma * shape[0]))
+    peaks = np.flatnonzero((strength > _JUMP) & (strength == maximum_filter1d(strength, 2 * width + 1)))
+    largest = sorted(peaks, key=lambda k: -strength[k])[:_MOST_JUMPS]
+    return [(int(k), int(k) + width) for k in largest]
 
 
 def _moved(event: Playback, name: str, change: _Array) -> Playback:

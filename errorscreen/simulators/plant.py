@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from errorscreen.effects import LIBRARY, Effect, measurement_effects
+from errorscreen.effects import LIBRARY, Effect, common_skew, measurement_effects
 from errorscreen.engine import Engine, ReferenceEngine
 from errorscreen.events import Event, Playback
 from errorscreen.exceptions import InputError, unknown_name
@@ -123,7 +123,7 @@ class PlantSimulator(Simulator):
                 "size": 1.0,
             }
         if effects is None:
-            faults = () if self._behind else measurement_effects(device.outputs)
+            faults = () if self._behind else (*measurement_effects(device.outputs), common_skew())
             effects = (*LIBRARY.get(device.name, ()), *faults)
         self.effects = tuple(effects)
         wrong = [effect.name for effect in self.effects if self._behind and effect.kind == "measurement"]
@@ -207,9 +207,14 @@ class PlantSimulator(Simulator):
         return self._run(theta, event)
 
     def _run(
-        self, theta: ArrayLike, event: Playback, interpolation: str = "pchip", step: float | None = None
+        self,
+        theta: ArrayLike,
+        event: Playback,
+        interpolation: str = "pchip",
+        step: float | None = None,
+        jump: tuple[int, int, bool] | None = None,
     ) -> Responses:
-        """Simulate with a given interpolation of the voltage and longest step."""
+        """Simulate with a given interpolation of the voltage, longest step, and jump (see `driving_voltage`)."""
         theta = self.parameters.validate(theta)
         x0, constants, start, values, h, every = self._prepared(theta, event, step or self.step)
         # a measurement sees every step, and not only the instants that are compared
@@ -220,7 +225,11 @@ class PlantSimulator(Simulator):
         out = np.full((len(theta), len(self.device.outputs), steps // record + 1), np.nan)
         if start.any():
             out[start] = self._engine.integrate(
-                x0[start], constants[start], self._injected(event, every, interpolation), h=h, every=record
+                x0[start],
+                constants[start],
+                self._injected(event, every, interpolation, jump),
+                h=h,
+                every=record,
             )
         if distorted:
             out = measured(out, self.device.outputs, acting, values, h)[..., ::every]
@@ -272,13 +281,17 @@ class PlantSimulator(Simulator):
         finite = np.isfinite(x0).all(axis=1) & np.isfinite(constants).all(axis=1)
         return x0, constants, np.broadcast_to(feasible, finite.shape) & finite, values, h, every
 
-    def _injected(self, event: Playback, every: int, interpolation: str) -> NDArray[np.float64]:
+    def _injected(
+        self, event: Playback, every: int, interpolation: str, jump: tuple[int, int, bool] | None = None
+    ) -> NDArray[np.float64]:
         """Input of the engine."""
 
         def compute() -> NDArray[np.float64]:
-            return driving_voltage(event, every, self.device.needs_angle, self.grid_impedance, interpolation)
+            return driving_voltage(
+                event, every, self.device.needs_angle, self.grid_impedance, interpolation, jump
+            )
 
-        return np.asarray(self._recent.get((event, every, interpolation), compute))
+        return np.asarray(self._recent.get((event, every, interpolation, jump), compute))
 
     def _with_uncertainty(self, observation: Observation, recording: Recording) -> Observation:
         quiet = recording.quiet

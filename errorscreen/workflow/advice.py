@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 
 from errorscreen.discovery import Cause, CauseFinder, Gain, Group
+from errorscreen.discovery.conclusions import LITTLE
 from errorscreen.events import Playback
 from errorscreen.observations import Observation
 from errorscreen.simulators import Simulator
@@ -88,6 +89,12 @@ def _to_locate(finder: CauseFinder, refuted: bool) -> Iterator[str]:
     for place in finder.places_[:1]:
         what = _ports(finder.simulator, place.device).get(place.place)
         named = "" if what is None else f"the {what.removesuffix(' in pu')}, and "
+        if place.explained < LITTLE:
+            yield (
+                f"No signal at a single port explains even half of what parameters leave, the best at {place.place} of "
+                f"the {place.device}: check time stamps and filters of the recorded channels against each other first."
+            )
+            continue
         yield f"Something unknown enters at {place.place} of the {place.device}: record {named}whatever acts on it."
     withdrawn = [cause for cause in finder.causes_ if cause.withdrawn]
     if withdrawn:
