@@ -61,6 +61,8 @@ def test_held_readings_are_dropped_or_kept_and_said():
     kept = Recording.from_arrays(TIME, values, base_mva=1, f_nominal=50, held="keep")
     assert np.isfinite(dropped.channel("P").values).sum() == 100
     assert np.isfinite(kept.channel("P").values).all()
+    assert dropped.channel("P").age == kept.channel("P").age == pytest.approx(3 * np.diff(TIME).mean())
+    assert make().channel("P").age == 0.0
     assert any("stale repeats were dropped" in s for s in dropped.assumptions)
     assert any("staircase was kept" in s for s in kept.assumptions)
     np.testing.assert_allclose(dropped.resample(0.05).channel("P").values[:90], fresh[:90], atol=1e-12)

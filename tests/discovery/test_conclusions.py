@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from errorscreen.bench.plant_scenarios import draw_plant_scenario
-from errorscreen.discovery import CauseFinder, EventGain, Gain, conclusions
+from errorscreen.discovery import CauseFinder, EventGain, Gain, Place, conclusions
 from errorscreen.effects import GOVERNOR, STABILISER, measurement_effects
 from errorscreen.simulators import PlantSimulator
 
@@ -81,6 +81,14 @@ def test_sentences_say_what_was_tried(twins):
     assert finder.best_.name in text
     assert "any effect of the library" in conclusions.unknown_text(("governor",), True, base, base)
     assert "no ports" in conclusions.place_text([], finder.simulator)
+
+
+def test_a_place_says_how_much_it_explains():
+    place = Place("synchronous_machine", "Efd", 0.9, 1.1, np.zeros(2), np.zeros(2), (), explained=0.9996)
+    text = conclusions.place_text([place], None)
+    assert "99.9 % of what parameters leave" in text
+    assert "little" not in text
+    assert "That is little: time stamps" in conclusions.place_text([replace(place, explained=0.2)], None)
 
 
 def test_a_withdrawn_cause_says_why(twins):

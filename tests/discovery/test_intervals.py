@@ -25,7 +25,7 @@ def fitted(threshold):
     event = Playback(time, "two dips", 1.0, {"V": voltage, "angle": 0.0 * time}, OPERATING_POINT)
     model = plant("pv_plant", event).extend("cessation")
     effect = model.extensions[0]
-    truth = np.concatenate([model.parameters.nominal[:-5], [1.0, threshold, 0.05, 0.2, 0.4]])
+    truth = np.concatenate([model.parameters.nominal[:-6], [1.0, threshold, 0.05, 0.2, 0.2, 0.4]])
     y = model.simulate(truth).require_ok().values[0]
     y = y + NOISE[:, None] * np.random.default_rng(0).standard_normal(y.shape)
     problem = FitProblem(model, Observation(event, y, NOISE, model.channels, model.units))

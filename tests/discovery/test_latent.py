@@ -6,7 +6,7 @@ import numpy as np
 from errorscreen.bench.plant_scenarios import draw_plant_scenario
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery import CauseFinder
-from errorscreen.discovery.hypotheses import parameters_only
+from errorscreen.discovery.hypotheses import Hypothesis, parameters_only
 from errorscreen.discovery.latent import probabilities_of, rank_places, waveform
 from errorscreen.effects.latent_input import KNOTS, latent
 from errorscreen.observations import Observation
@@ -74,6 +74,8 @@ def test_what_the_best_signal_leaves_makes_evidence_say_less():
             SimpleNamespace(evidence=e, observations=[observation], residuals=residuals)
             for e in (-10.0, -40.0)
         ]
+        for place in places:
+            place.inflation = Hypothesis.inflation.fget(place)
         return probabilities_of(places)[0]
 
     assert first(white) > 0.999999

@@ -1,13 +1,24 @@
 """What is named, and how probable it is, from what hypotheses leave."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
-from errorscreen.discovery.ranking import rank_causes
-from errorscreen.effects import EXCITER, GOVERNOR, measurement_effects
+from errorscreen.discovery.ranking import rank_causes, stamped
+from errorscreen.effects import EXCITER, GOVERNOR, RIDE_THROUGH_TRIP, measurement_effects
+from errorscreen.events import Event, Playback
+from errorscreen.parameters import ParameterSpace
 
 SCALE_P = next(e for e in measurement_effects(["P"]) if e.name == "scale_P")
+
+
+SPACE = ParameterSpace(
+    replace(p, name=e.local(p.name))
+    for e in (EXCITER, GOVERNOR, SCALE_P, RIDE_THROUGH_TRIP)
+    for p in e.parameters
+)
 
 
 def hypothesis(effects, excess):
@@ -17,6 +28,9 @@ def hypothesis(effects, excess):
         effects=effects,
         ended=True,
         chi2_per_sample=2.0,
+        inflation=2.0,
+        observations=(SimpleNamespace(event=Event(np.arange(4.0), start=2.0)),),
+        simulator=SimpleNamespace(parameters=SPACE),
         parameters_of=lambda effect, width: {effect.strength.name: (1.0, 1.0 - width, 1.0 + width)},
     )
 
@@ -88,8 +102,9 @@ def test_an_effect_of_another_form_is_named_by_its_kind():
     assert causes[1].name in ("governor", "unknown")
     assert sum(c.probability for c in causes) == pytest.approx(1)
     # what it leaves widens its intervals
-    _, low, high = causes[0].parameters["exciter.K"]
-    assert high - low == pytest.approx(2 * 1.645 * 2.0**0.5, rel=1e-3)
+    value, low, high = causes[0].parameters["exciter.K"]
+    assert high - value == pytest.approx(1.645 * 2.0**0.5, rel=1e-3)
+    assert low == 0.0
 
 
 @pytest.mark.parametrize("left", [60.0, 400.0])
@@ -174,3 +189,31 @@ def test_a_second_effect_that_mends_little_passes_for_noise_by_luck(pair, name):
         )
     )
     assert causes[0].name == name
+
+
+def test_what_looks_less_like_noise_is_not_named_beside_parameters_that_suffice():
+    """Evidence alone would: it also counts how far the parameters had to move."""
+    first, second = (
+        rank_causes(competition(((), 30.0, 0.5, -80.0), ((SCALE_P,), 10.0, p, -20.0)))[0] for p in (0.3, 0.6)
+    )
+    assert first.name == "parameters"
+    assert second.name == "scale_P"
+
+
+def test_times_are_known_no_better_than_readings_are_stamped():
+    time = np.arange(0.0, 4.0, 0.1)
+    held, read = (
+        SimpleNamespace(
+            simulator=SimpleNamespace(parameters=SPACE),
+            observations=[SimpleNamespace(event=Playback(time, "held", 1.0, {"V": 1.0 + 0 * time}, age=age))],
+        )
+        for age in (0.2, 0.0)
+    )
+    timer, threshold = (1.0, 0.99, 1.02), (0.9, 0.89, 0.91)
+    assert stamped(read, "trip.Tth", timer) == pytest.approx(timer)
+    assert stamped(held, "trip.Vth", threshold) == pytest.approx(threshold)
+    value, low, high = stamped(held, "trip.Tth", timer)
+    half = 1.645 * 0.2 / np.sqrt(12)
+    assert (value, low, high) == pytest.approx((1.0, 1.0 - np.hypot(0.01, half), 1.0 + np.hypot(0.02, half)))
+    # it stays inside of its bounds
+    assert stamped(held, "trip.Tth", (0.31, 0.305, 0.32))[1] == 0.3

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from errorscreen.events import Playback
 from errorscreen.observations import Observation
 from errorscreen.simulators import injection_noise
-from tests.plants import dip, plant
+from tests.plants import OPERATING_POINT, dip, plant
 
 
 def on_the_edge():
@@ -81,7 +82,8 @@ def test_behind_a_filter_less_noise_is_expected_but_never_none():
     assert simulator.quantified(little, filtered, off).noise[0] == pytest.approx(1e-5)
 
 
-def test_the_energy_of_passed_noise_is_that_of_other_draws_and_the_same_at_every_call():
+def test_the_energy_of_passed_noise_is_that_of_other_draws_and_the_same_at_every_call(monkeypatch):
+    monkeypatch.setattr(injection_noise, "_MOST_JUMPS", 0)  # noise alone
     simulator, off = lagged(0.0)
     observation = simulator.quantified(seen(simulator, 5e-3), off, off)
     rows = np.stack([off, lagged(0.2)[1]])
@@ -107,3 +109,60 @@ def test_a_draw_with_which_something_else_happens_does_not_count():
     calm = replace(observation, event=replace(observation.event, noise={"V": 1e-3}))
     assert np.isfinite(simulator.passed_noise(calm, rows)[:, 1]).all()
     assert np.isnan(injection_noise.typical(np.full((3, 1, 2), np.nan))).all()
+
+
+def jumping(share, rate=60):
+    """A machine whose voltage jumps at a share of the interval between two samples, sampled without noise."""
+    fine = 16
+    time = np.arange(0, 5.0, 1 / (rate * fine))
+    first, last = 1.0 + share / rate, 1.1 + share / rate
+    dipped = (time > first) & (time < last)
+    V, angle = np.where(dipped, 0.7, 1.0), np.where(dipped, -0.1, 0.0) + np.where(time > last, 0.05, 0.0)
+    event = Playback(time, "jumps", 1.0, {"V": V, "angle": angle}, OPERATING_POINT)
+    response = plant("synchronous_machine", event, step=1 / (rate * fine)).baseline()[:, ::fine]
+    sampled = {name: signal[::fine] for name, signal in event.signals.items()}
+    noise = {"V": 1e-4, "angle": 1e-4}
+    return Playback(time[::fine], "jumps", 1.0, sampled, OPERATING_POINT, noise), response
+
+
+@pytest.mark.parametrize("share", [0.1, 0.2, 0.9])
+def test_a_jump_may_have_been_at_any_instant_between_its_samples(share, monkeypatch):
+    """With the true parameters, what is left is no more than what is counted as uncertain; else it is much more."""
+    event, response = jumping(share)
+
+    def chi2():
+        simulator = plant("synchronous_machine", event)
+        raw = Observation(event, response, np.full(2, 3e-4), simulator.channels, simulator.units)
+        known = simulator.quantified(raw, simulator.parameters.nominal)
+        return float(np.mean(known.deviations(simulator.baseline()) ** 2))
+
+    with_jumps = chi2()
+    monkeypatch.setattr(injection_noise, "_MOST_JUMPS", 0)
+    assert with_jumps < 0.5
+    assert chi2() > 10 * with_jumps
+
+
+def test_jumps_are_told_from_what_changes_over_many_samples():
+    event, _ = jumping(0.5)
+    inputs = injection_noise.input_noise(event)
+    assert sorted(injection_noise._jumps(event, inputs)) == [(60, 61), (66, 67)]
+    slow = np.convolve(event.signals["V"], np.ones(6) / 6, mode="same")
+    smooth = replace(event, signals={"V": slow, "angle": 0.0 * slow})
+    inside = [
+        jump for jump in injection_noise._jumps(smooth, inputs) if 10 < jump[0] < 280
+    ]  # ends of the filter
+    assert inside == []
+    assert injection_noise._jumps(event, {}) == []
+
+
+def test_held_readings_are_uncertain_by_what_the_channel_did_while_they_were_held():
+    event, response = jumping(0.5)
+    part = event.time < 0.9
+    known = Observation(event, response, np.full(2, 1e-3), ("P", "Q"), ("pu", "pu"))
+    assert not injection_noise._late(known, part).any()
+    held = replace(known, event=replace(event, age=0.2))
+    late = injection_noise._late(held, part)
+    jump = int(np.argmax(np.abs(np.diff(response[0]))))
+    size = np.ptp(response[0, jump - 12 : jump + 13])
+    assert late[0, jump] == pytest.approx(size / np.sqrt(12), rel=0.05)
+    assert not late[:, :40].any()  # more than 0.2 s before

@@ -9,7 +9,7 @@ from errorscreen.events import Event, Playback
 from errorscreen.exceptions import InputError
 from errorscreen.observations import Observation
 from errorscreen.power import DEVICES
-from errorscreen.simulators import PlantSimulator
+from errorscreen.simulators import PlantSimulator, injection_noise
 from tests.plants import DEVICE_NAMES, OPERATING_POINT, dip, plant, random_rows
 
 
@@ -114,8 +114,9 @@ def test_channels_can_be_chosen():
     assert PlantSimulator("pv_plant", dip(), channels=("Q", "P")).channels == ("Q", "P")
 
 
-def test_noise_of_injected_signals_leaves_the_device_as_predicted():
+def test_noise_of_injected_signals_leaves_the_device_as_predicted(monkeypatch):
     """Slow errors of the responses to many noisy injections against those that the observation predicts."""
+    monkeypatch.setattr(injection_noise, "_MOST_JUMPS", 0)  # noise alone
     sigma = {"V": 1e-3, "angle": 1e-3}
     event = replace(dip(stop=4.0), noise=sigma)
     simulator = plant("synchronous_machine", event)
@@ -193,3 +194,13 @@ def test_states_can_be_seen():
     expected = (P[0] - P - values["D"] * (states["omega"] - 1.0)) / values["Tj"]
     later = (event.time > 2.0) & (event.time < 3.9)  # the last slope is one-sided
     assert np.abs(slope - expected)[later].max() < 0.005 * np.abs(expected[later]).max()
+
+
+def test_a_common_skew_makes_every_channel_late():
+    event = dip(depth=0.3)
+    base = plant("pv_plant", event)
+    theta = base.parameters.nominal
+    together = base.extend("skew").simulate([*theta, 0.04]).values
+    each = base.extend("skew_P").extend("skew_Q").simulate([*theta, 0.04, 0.04]).values
+    assert np.array_equal(together, each)
+    assert np.abs(together - base.simulate(theta).values).max() > 0.01

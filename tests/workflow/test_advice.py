@@ -47,6 +47,9 @@ def test_what_is_unknown_always_has_an_advice():
         "enters at Efd of the synchronous_machine: record the field voltage, and whatever acts on it" in text
     )
     assert "No place is known" in told(finder("unknown", UNKNOWN), None)
+    little = told(finder("unknown", UNKNOWN, places=[replace(PLACE, explained=0.2)]), None)
+    assert "record the field voltage" not in little
+    assert "check time stamps and filters" in little
     gone = replace(EXCITER, withdrawn=True, probability=0.0)
     text = told(finder("unknown", UNKNOWN, gone, places=[PLACE]), None)
     assert "enters at Efd" in text
