@@ -96,7 +96,8 @@ def _cessation(
         description=text,
         source="IEEE Std 1547-2018, section 6.4; NERC, 900 MW Fault Induced Solar PV Resource Interruption, 2018",
         confused_with=confused,
-        minima=4,
+        minima=8,
+        smallest={"r0": 0.01},
     )
 
 
