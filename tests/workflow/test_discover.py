@@ -126,7 +126,6 @@ def test_a_value_at_its_bound_has_no_interval():
         covariance=np.diag([0.01, 0.0]),
         inflation=4.0,
         simulator=SimpleNamespace(parameters=space),
-        observations=(),
     )
     cause = Cause("e", "E", "effect", 0.9, "port", {"e.s": (1.0, 1.0, 1.0)}, 0.99, True)
     free, bound = fitted_parameters(hypothesis, cause)
