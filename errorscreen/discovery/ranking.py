@@ -14,6 +14,8 @@ _MISSING = 0.5
 #: logarithm of the evidence by which an effect must beat parameters that leave nothing beyond noise: errors of size of
 #: the noise that no one has modelled would otherwise be named
 _MARGIN = 13.0
+#: what an effect leaves must look like noise with a probability so many times that of what sufficient parameters leave
+_CLEARLY = 10.0
 #: an effect in another form than the library's leaves at most about this share of what parameters leave (in amplitude
 #: 22 %); what no library holds leaves twice as much and more beside the nearest effect
 _FORM = 0.05
@@ -123,8 +125,8 @@ def _exact(found: Competition) -> list[Cause]:
         adequate.append(base)  # a conspicuous cell, but nothing that an effect explains better
     tried = max(1, len(found.signatures))
     suffice = base in adequate
-    if suffice:  # an effect is not needed, and least of all one that leaves what looks less like noise
-        p = found.remainders[base.name].p_value
+    if suffice:  # an effect is not needed, unless what it leaves looks clearly more like noise
+        p = _CLEARLY * found.remainders[base.name].p_value
         adequate = [h for h in adequate if not h.effects or found.remainders[h.name].p_value >= p]
     logs = []
     for h in adequate:

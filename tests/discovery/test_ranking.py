@@ -191,10 +191,10 @@ def test_a_second_effect_that_mends_little_passes_for_noise_by_luck(pair, name):
     assert causes[0].name == name
 
 
-def test_what_looks_less_like_noise_is_not_named_beside_parameters_that_suffice():
+def test_what_looks_hardly_more_like_noise_is_not_named_beside_parameters_that_suffice():
     """Evidence alone would: it also counts how far the parameters had to move."""
     first, second = (
-        rank_causes(competition(((), 30.0, 0.5, -80.0), ((SCALE_P,), 10.0, p, -20.0)))[0] for p in (0.3, 0.6)
+        rank_causes(competition(((), 30.0, 0.05, -80.0), ((SCALE_P,), 10.0, p, -20.0)))[0] for p in (0.3, 0.6)
     )
     assert first.name == "parameters"
     assert second.name == "scale_P"
