@@ -137,8 +137,7 @@ def _draw_effects(
         return (effect,), (name,)
     if kind == "outside":
         return (pick(rng, OUTSIDE[device]),), ()
-    faults = (*measurement_effects(DEVICES[device].outputs), common_skew())
-    chosen = pick(rng, faults)
+    chosen = pick(rng, _faults(device))
     return (chosen,), (chosen.name,)
 
 
@@ -147,9 +146,15 @@ def _truth(device: str) -> PlantSimulator:
     """Simulator of hidden truths, with every effect of the library and all that only truths have."""
     own = (*(e for e, _ in OTHER_FORMS[device]), *OUTSIDE[device])
     mechanisms = tuple(e for e in LIBRARY[device] if e.kind == "mechanism")
-    faults = (*measurement_effects(DEVICES[device].outputs), common_skew())
     event = _fine_event(FIT[0])
-    return PlantSimulator(device, event, step=TRUTH_STEP, effects=(*mechanisms, *own, *faults), n_threads=1)
+    return PlantSimulator(
+        device, event, step=TRUTH_STEP, effects=(*mechanisms, *own, *_faults(device)), n_threads=1
+    )
+
+
+def _faults(device: str) -> tuple[Effect, ...]:
+    """Of the measurement."""
+    return (*measurement_effects(DEVICES[device].outputs), common_skew())
 
 
 def _fine_event(side: GridSide) -> Playback:

@@ -13,6 +13,7 @@ from scipy.linalg import cho_factor, cho_solve
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery.hypotheses import PRIOR, linearised
 from errorscreen.discovery.noise import by_recording
+from errorscreen.discovery.signatures import WIDE
 from errorscreen.effects import Effect
 from errorscreen.exceptions import InputError, SimulationError, unknown_name
 from errorscreen.observations import Observation
@@ -31,8 +32,6 @@ MIX = (
 HELD = ("effect", "two effects", "measurement")
 #: an effect is hidden only if what survives a refit of the parameters is at least so many times the noise
 LEAST_SIZE = 3.0
-#: a range over more than this ratio is drawn from in the logarithm
-_WIDE = 10.0
 #: draws of an effect until one is large enough
 TRIES = 200
 
@@ -133,7 +132,7 @@ def draw_values(effect: Effect, rng: np.random.Generator) -> _Array:
             values.append(share * p.upper if p.lower == 0 or rng.random() < 0.5 else share * p.lower)
         else:
             share = rng.uniform(0.1, 0.9)
-            wide = p.lower > 0 and p.upper > _WIDE * p.lower
+            wide = p.lower > 0 and p.upper > WIDE * p.lower
             linear = p.lower + (p.upper - p.lower) * share
             values.append(p.lower * (p.upper / p.lower) ** share if wide else linear)
     return np.array(values)

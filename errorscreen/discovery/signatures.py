@@ -29,7 +29,7 @@ ROUNDS = 1 + len(SPREADS)
 #: draws of an effect with a single parameter; with d parameters so many times d squared, up to what is asked for
 _DRAWS_PER_SQUARE = 12
 #: a parameter whose bounds have at least this ratio is drawn in the logarithm
-_WIDE = 10.0
+WIDE = 10.0
 
 _Array = NDArray[np.float64]
 
@@ -230,7 +230,7 @@ def spread_over(space: ParameterSpace, first: int, shares: _Array, effects: Sequ
     shares = np.where(signed, np.abs(2.0 * shares - 1.0), shares)
     lower = np.where(small > 0, small, lower)
     values = lower + (upper - lower) * shares
-    wide = (lower > 0) & (upper > _WIDE * lower)
+    wide = (lower > 0) & (upper > WIDE * lower)
     values[:, wide] = lower[wide] * (upper[wide] / lower[wide]) ** shares[:, wide]
     return np.asarray((sign * values - space.nominal[first:]) / space.scales[first:])
 

@@ -281,17 +281,13 @@ class PlantSimulator(Simulator):
         finite = np.isfinite(x0).all(axis=1) & np.isfinite(constants).all(axis=1)
         return x0, constants, np.broadcast_to(feasible, finite.shape) & finite, values, h, every
 
-    def _injected(
-        self, event: Playback, every: int, interpolation: str, jump: tuple[int, int, bool] | None = None
-    ) -> NDArray[np.float64]:
-        """Input of the engine."""
+    def _injected(self, event: Playback, every: int, *between: Any) -> NDArray[np.float64]:
+        """Input of the engine; interpolation and jump say what lies between the samples."""
 
         def compute() -> NDArray[np.float64]:
-            return driving_voltage(
-                event, every, self.device.needs_angle, self.grid_impedance, interpolation, jump
-            )
+            return driving_voltage(event, every, self.device.needs_angle, self.grid_impedance, *between)
 
-        return np.asarray(self._recent.get((event, every, interpolation, jump), compute))
+        return np.asarray(self._recent.get((event, every, *between), compute))
 
     def _with_uncertainty(self, observation: Observation, recording: Recording) -> Observation:
         quiet = recording.quiet
