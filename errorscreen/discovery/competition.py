@@ -88,6 +88,7 @@ class Competition(Standings):
         self.signatures: dict[str, float] = {}
         self.n_simulations = 0
         self._spread_out: set[str] = set()
+        self._extended: set[str] = set()  # what others have been tried beside
         self._led: set[float] = set()  # objectives of fits that have no way out
         self.keep(base, self.test(base))
         self._polish(base)
@@ -95,6 +96,7 @@ class Competition(Standings):
     def run(self, candidates: Sequence[Effect]) -> None:
         """Try effects beside the parameters, and pairs of them as long as nothing is adequate."""
         self._extend(self.base, candidates, 1)
+        self._exchange(candidates)
         self._spread()
         self._eliminate()
         self._finish()
@@ -102,13 +104,7 @@ class Competition(Standings):
 
     def _extend(self, base: Hypothesis, candidates: Sequence[Effect], depth: int) -> None:
         """Add one effect to a hypothesis, and another to the best of these where none is adequate."""
-        others = [effect for effect in candidates if effect not in base.effects]
-        self.tell(f"signatures of {len(others)} effects beside {base.name}")
-        tried = _TRIED_BESIDE if base.effects else _TRIED
-        wanted = tried * self.n_fits
-        searches = self._signatures(base, others)
-        self.tell(f"joint fits of {min(wanted, len(searches))} of them")
-        self._compete(base, searches[:wanted], self._promised_fits)
+        searches = self._add(base, candidates)
         if depth == 1 and not self.adequate and not self.explained(1, _NEARLY):
             self.tell(f"joint fits of all {len(searches)} from the nominal parameters")
             self._compete(base, searches, self._fits_anew)
@@ -121,15 +117,53 @@ class Competition(Standings):
                 if self.adequate or not self.explained(depth + 1, _PART):
                     break
 
-    def _signatures(self, base: Hypothesis, effects: Sequence[Effect]) -> list[SignatureSearch]:
-        """Searches for signatures at the fitted values and at the nominal ones, the most promising first."""
+    def _add(
+        self, base: Hypothesis, candidates: Sequence[Effect], near: Hypothesis | None = None
+    ) -> list[SignatureSearch]:
+        """Fit one effect more, of those that promise most; the searches for signatures."""
+        others = [effect for effect in candidates if effect not in base.effects]
+        self.tell(f"signatures of {len(others)} effects beside {base.name}")
+        self._extended.add(base.name)
+        tried = _TRIED_BESIDE if base.effects else _TRIED
+        wanted = tried * self.n_fits
+        searches = self._signatures(base, others, near)
+        self.tell(f"joint fits of {min(wanted, len(searches))} of them")
+        self._compete(base, searches[:wanted], self._promised_fits)
+        return searches
+
+    def _exchange(self, candidates: Sequence[Effect]) -> None:
+        """Try others in place of each effect of what comes nearest to noise, where that explains most of it.
+
+        Forward selection may have begun with an effect that imitates another one: a long ramp looks like a cessation.
+        """
+        best = self.nearest(self.max_effects)
+        if best is None or len(best.effects) < 2 or not self.explained(len(best.effects), _NAMED):
+            return
+        for dropped in best.effects:
+            kept = [effect for effect in best.effects if effect is not dropped]
+            base = next((h for h in self.hypotheses if set(h.effects) == set(kept)), None)
+            if base is None:
+                base = self._refit(kept, self.base, [best], everywhere=False)
+            if not self.adequate and base is not None and base.name not in self._extended:
+                searches = self._add(base, candidates, best)
+                self.n_simulations += sum(search.problem.n_simulations for search in searches)
+
+    def _signatures(
+        self, base: Hypothesis, effects: Sequence[Effect], near: Hypothesis | None = None
+    ) -> list[SignatureSearch]:
+        """Searches for signatures at the fitted values, the most promising first.
+
+        Without effects also at the nominal values, and else at those of another hypothesis that has more effects.
+        """
         simulator, observations = base.simulator, base.observations
         points = [(base.u, base.jacobian)]
         # with an effect the nominal values of its parameters mean nothing; a fit that leaves only noise is not stuck
-        if not base.effects and not self.is_adequate(base):
+        other = None if base.effects or self.is_adequate(base) else np.zeros(len(base.u))
+        if near is not None:
+            other = near.deviations(base.names)
+        if other is not None:
             problem = FitProblem(simulator, list(observations))
-            zero = np.zeros(len(base.u))
-            points.append((zero, linearised(problem, zero)[1]))
+            points.append((other, linearised(problem, other)[1]))
             self.n_simulations += problem.n_simulations
         searches = [
             SignatureSearch(simulator, observations, effect, points, self.n_draws, self._seed(base, effect))
@@ -311,7 +345,7 @@ class Competition(Standings):
 
     def _refit(
         self, effects: Sequence[Effect], like: Hypothesis, near: Sequence[Hypothesis], *, everywhere: bool
-    ) -> None:
+    ) -> Hypothesis | None:
         """Fit some effects, with the step and noise of a hypothesis, from where those near it have ended.
 
         If asked for, also from all over the ranges.
@@ -320,11 +354,12 @@ class Competition(Standings):
         starts = [*near, *([before] if before else [])]
         fitted = self._refitted(effects, like.observations, like.simulator, starts)
         if fitted is None:
-            return
+            return None
         self.keep(fitted, self.test(fitted), before)
         hopeless = effects and fitted.chi2 > _PART * self.base.chi2
         if everywhere and not hopeless and not self.is_adequate(fitted):
-            self._everywhere(fitted)
+            return self._everywhere(fitted)
+        return fitted
 
     def _everywhere(self, hypothesis: Hypothesis) -> Hypothesis:
         """Fit a hypothesis from all over the ranges, once; what is best takes its place."""

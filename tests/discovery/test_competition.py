@@ -66,3 +66,19 @@ def test_signatures_are_refined_for_the_effects_that_are_ahead(spring, monkeypat
     assert reached == [4] * 3 + [3] * 3 + [2] * 6 + [1] * (len(simulator.effects) - 12)
     assert rounds["velocity.cubic(position)"] == 4
     assert "velocity.cubic(position)" in {h.name for h in found.adequate}
+
+
+def test_an_effect_that_imitates_another_one_is_exchanged(monkeypatch):
+    simulator = oscillator(push(time=TIME), step=0.05)
+    effects = {effect.name: effect for effect in simulator.effects}
+    names = "velocity.cubic(position)", "force.lag"
+    observation = simulator.observe(recorded(names, [0.45, 4.4, 0.6, 0.4], 2e-3))
+    found = competition(simulator, observation, max_effects=2)
+
+    def begin_wrongly(self, base, candidates, depth):  # a lag of what is measured looks like one of what acts
+        self._refit((effects["lag_position"], effects[names[0]]), base, [base], everywhere=False)
+
+    monkeypatch.setattr(Competition, "_extend", begin_wrongly)
+    found.run(simulator.effects)
+    assert [{e.name for e in h.effects} for h in found.adequate] == [set(names)]
+    assert found.adequate[0].theta == pytest.approx([0.45, 4.4, 0.6, 0.4], rel=0.05)
