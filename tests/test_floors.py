@@ -20,6 +20,7 @@ FLOORS = [
         "signals",
         "resampling",
         "preparation",
+        "threads",
     },
     {"engine", "io", "metrics", "persistence"},
     {"effects", "power"},

@@ -27,6 +27,7 @@ from errorscreen.calibration.truncated import sample_truncated_normal
 from errorscreen.exceptions import DataWarning, check_integer, check_real
 from errorscreen.simulators.base import Simulator
 from errorscreen.simulators.injection_noise import typical
+from errorscreen.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -172,6 +173,7 @@ class MAPCalibrator(BaseCalibrator):
         self.random_state = random_state
         self.progress = progress
 
+    @one_blas_thread
     def fit(self, X: Any, y: None = None) -> MAPCalibrator:
         """Calibrate on one recording, or on several together.
 

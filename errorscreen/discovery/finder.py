@@ -33,6 +33,7 @@ from errorscreen.sampling import generator
 from errorscreen.simulators.base import Simulator
 from errorscreen.simulators.observations import as_observations, settled_observations
 from errorscreen.simulators.user_functions import identity
+from errorscreen.threads import one_blas_thread
 
 #: hypotheses at most so many times less probable than the best cannot be told from it
 _ALIKE = 20.0
@@ -146,6 +147,7 @@ class CauseFinder(BaseEstimator):
         self.report = report
         self.checkpoint = checkpoint
 
+    @one_blas_thread
     def fit(self, X: Any, y: None = None) -> CauseFinder:
         """Fit all hypotheses to one recording, or to several together.
 
@@ -313,6 +315,7 @@ class CauseFinder(BaseEstimator):
         self.extended_simulator_ = self._chosen.simulator.with_nominal(self._chosen.theta)
         self.verdict_ = self._verdict()
 
+    @one_blas_thread
     def measure_gain(self, held_out: Any) -> Gain:
         """Gain of the extended simulator on recordings that were not fitted; an extension without gain is withdrawn.
 
@@ -350,6 +353,7 @@ class CauseFinder(BaseEstimator):
             self.verdict_ = Verdict("unknown", f"{conclusions.withdrawn_text(first, gain)} {self._located()}")
         return gain
 
+    @one_blas_thread
     def confirm(self, held_out: Any) -> Gain | None:
         """Judge the verdict on recordings that were not fitted.
 

@@ -1,0 +1,48 @@
+"""What is fitted does not depend on the number of threads of linear algebra."""
+
+import numpy as np
+import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
+
+from errorscreen.calibration import MAPCalibrator
+from errorscreen.calibration.problem import FitProblem
+from errorscreen.discovery import CauseFinder
+from errorscreen.recordings import Recording
+from errorscreen.threads import one_blas_thread
+from tests.simulators.models import oscillator, push
+
+
+def blas_threads():
+    return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
+
+
+def test_one_thread_while_it_runs_and_as_many_as_before_afterwards():
+    with threadpool_limits(limits=2, user_api="blas"):
+        before = blas_threads()
+        assert one_blas_thread(blas_threads)() == {1}
+        assert blas_threads() == before
+
+    @one_blas_thread
+    def failing():
+        raise ValueError("meant")
+
+    with pytest.raises(ValueError, match="meant"):
+        failing()
+
+
+@pytest.mark.parametrize("estimator", [MAPCalibrator, CauseFinder])
+def test_fits_take_one_thread(estimator, monkeypatch):
+    seen = set()
+    plain = FitProblem.residuals
+    monkeypatch.setattr(FitProblem, "residuals", lambda *args: (seen.update(blas_threads()), plain(*args))[1])
+    simulator = oscillator(push())
+    with threadpool_limits(limits=2, user_api="blas"):
+        event = simulator.event
+        y = simulator.simulate([0.45, 4.4]).values[0, 0]
+        y = y + 0.01 * np.random.default_rng(0).standard_normal(len(y))
+        observation = simulator.observe(
+            Recording.from_signals(event.time, {**event.signals, "position": y}, noise={"position": 0.01})
+        )
+        options = {} if estimator is MAPCalibrator else {"effects": ["force.lag"]}
+        estimator(simulator, random_state=0, **options).fit(observation)
+    assert seen == {1}
