@@ -40,6 +40,8 @@ _FEW = 8
 _NEAR, _FINER, _LEFT = 50.0, 4, 0.5
 #: where nothing leaves less than this share of what parameters leave, all effects are fitted from nominal parameters
 _NEARLY = 0.02
+#: what noise alone leaves with at least this probability is clearly noise; else the search goes on
+_CLEARLY_NOISE = 0.2
 #: what leaves more than this share of what parameters leave will not be named
 _NAMED = 0.1
 _Array = NDArray[np.float64]
@@ -105,7 +107,7 @@ class Competition(Standings):
     def _extend(self, base: Hypothesis, candidates: Sequence[Effect], depth: int) -> None:
         """Add one effect to a hypothesis, and another to the best of these where none is adequate."""
         searches = self._add(base, candidates)
-        if depth == 1 and not self.adequate and not self.explained(1, _NEARLY):
+        if depth == 1 and not self._settled and not self.explained(1, _NEARLY):
             self.tell(f"joint fits of all {len(searches)} from the nominal parameters")
             self._compete(base, searches, self._fits_anew)
         self.n_simulations += sum(search.problem.n_simulations for search in searches)
@@ -116,6 +118,17 @@ class Competition(Standings):
                 self._extend(hypothesis, candidates, depth + 1)
                 if self.adequate or not self.explained(depth + 1, _PART):
                     break
+
+    @property
+    def _settled(self) -> bool:
+        """Whether parameters suffice, or what leaves only noise does so clearly.
+
+        Of all that hardly passes for noise, more is wrong: an oscillation that imitates an effect whose signature
+        promised little.
+        """
+        return self.is_adequate(self.base) or any(
+            self.remainders[h.name].p_value > _CLEARLY_NOISE for h in self.adequate
+        )
 
     def _add(
         self, base: Hypothesis, candidates: Sequence[Effect], near: Hypothesis | None = None

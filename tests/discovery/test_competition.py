@@ -1,5 +1,7 @@
 """Which hypotheses are fitted again with a smaller step, and which effects go on to finer signatures."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -66,6 +68,27 @@ def test_signatures_are_refined_for_the_effects_that_are_ahead(spring, monkeypat
     assert reached == [4] * 3 + [3] * 3 + [2] * 6 + [1] * (len(simulator.effects) - 12)
     assert rounds["velocity.cubic(position)"] == 4
     assert "velocity.cubic(position)" in {h.name for h in found.adequate}
+
+
+@pytest.mark.parametrize(("p_value", "goes_on"), [(0.05, True), (0.5, False)])
+def test_what_hardly_passes_for_noise_does_not_end_the_search(spring, p_value, goes_on, monkeypatch):
+    simulator, observation = spring
+    names = ("velocity.cubic(position)", "cubic_position")
+    candidates = [effect for effect in simulator.effects if effect.name in names]
+    plain, lines = Competition.test, []
+
+    def test(self, hypothesis):
+        remainder = plain(self, hypothesis)
+        passes = remainder.p_value > self.significance
+        return replace(remainder, p_value=p_value) if hypothesis.effects and passes else remainder
+
+    monkeypatch.setattr(Competition, "test", test)
+    monkeypatch.setattr("errorscreen.discovery.competition._NEARLY", 0.0)  # else so large an effect ends it
+    found = competition(simulator, observation)
+    found.tell = lines.append
+    found.run(candidates)
+    assert any("from the nominal parameters" in line for line in lines) == goes_on
+    assert [h.name for h in found.adequate] == ["velocity.cubic(position)"]
 
 
 def test_an_effect_that_imitates_another_one_is_exchanged(monkeypatch):
