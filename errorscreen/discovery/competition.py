@@ -153,11 +153,13 @@ class Competition(Standings):
         if best is None or len(best.effects) < 2 or not self.explained(len(best.effects), _NAMED):
             return
         for dropped in best.effects:
+            if self.adequate:
+                return
             kept = [effect for effect in best.effects if effect is not dropped]
             base = next((h for h in self.hypotheses if set(h.effects) == set(kept)), None)
             if base is None:
                 base = self._refit(kept, self.base, [best], everywhere=False)
-            if not self.adequate and base is not None and base.name not in self._extended:
+            if base is not None and base.name not in self._extended:
                 searches = self._add(base, candidates, best)
                 self.n_simulations += sum(search.problem.n_simulations for search in searches)
 
