@@ -19,6 +19,8 @@ from errorscreen.exceptions import SimulationError
 _EXPLAINS = 0.1
 #: a quantity moves with another if their correlation is at least this
 _MOVES = 0.5
+#: power of what a place leaves beyond noise, as for effects whose form is wrong
+_FORM = 2.0
 
 _Array = NDArray[np.float64]
 
@@ -68,10 +70,8 @@ class Place:
 def rank_places(base: Hypothesis) -> tuple[list[Place], int]:
     """Fit an unknown signal at each port together with all parameters, one of its own in each recording.
 
-    A fit that has come to rest far above the best is not led to its end (`race`).
-
-    What the best of them leaves beyond noise counts as noise of that size and smoothness (`noise_inflation`): where
-    even a signal of free shape does not fit, evidence says less about the place.
+    A fit that has come to rest far above the best is not led to its end (`race`). Where even a signal of free shape
+    does not fit, evidence says less about the place (`probabilities_of`).
 
     Parameters
     ----------
@@ -97,9 +97,11 @@ def rank_places(base: Hypothesis) -> tuple[list[Place], int]:
         on = {signal.local(signal.strength.name) for signal in signals}
         names = [name for name in simulator.parameters.names if name not in on]
         problems.append(FitProblem(simulator, list(base.observations), names))
-        start = np.concatenate([base.u, np.zeros(KNOTS * len(signals))])
+        # fitted parameters have made up for much of what is missing; from there a signal often ends in a local minimum
+        starts = np.zeros((2, len(names)))
+        starts[0, : len(base.u)] = base.u
         with contextlib.suppress(SimulationError):
-            fits.append(JointFit(signals, problems[-1], start).run(SLICE))
+            fits.append(JointFit(signals, problems[-1], starts).run(SLICE).keep(1))
     found = [fit.hypothesis() for fit in race(fits)]
     count = sum(problem.n_simulations for problem in problems)
     shares = [_explained(hypothesis, base) for hypothesis in found]
@@ -112,7 +114,11 @@ def rank_places(base: Hypothesis) -> tuple[list[Place], int]:
 
 
 def probabilities_of(found: Sequence[Hypothesis]) -> _Array:
-    """Probabilities by evidence, divided by how much more the best leaves, and how smoothly, than noise.
+    """Probabilities by evidence, or by what each place leaves, whichever tells them less apart.
+
+    What the best leaves beyond noise counts as noise of that size and smoothness (`noise_inflation`). But it is no
+    noise: a signal between knots and a device with other parameters leave errors of form everywhere, and the wrong
+    place can leave a little less of them. So weights are no further apart than the squares of what is left.
 
     Parameters
     ----------
@@ -123,9 +129,13 @@ def probabilities_of(found: Sequence[Hypothesis]) -> _Array:
     -------
     ndarray of shape (n,)
     """
-    logs = np.array([hypothesis.evidence for hypothesis in found])
-    logs = logs / found[int(np.argmax(logs))].inflation
-    weights = np.exp(logs - logs.max())
+    evidence = np.array([hypothesis.evidence for hypothesis in found])
+    best = int(np.argmax(evidence))
+    n = len(found[best].residuals)
+    left = np.array([max(hypothesis.chi2 - n, np.sqrt(2.0 * n)) for hypothesis in found])
+    by_evidence = (evidence[best] - evidence) / found[best].inflation
+    by_form = np.maximum(_FORM * np.log(left / left[best]), 0.0)
+    weights = np.exp(-np.minimum(by_evidence, by_form))
     return np.asarray(weights / weights.sum())
 
 

@@ -2,11 +2,12 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from errorscreen.bench.plant_scenarios import draw_plant_scenario
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery import CauseFinder
-from errorscreen.discovery.hypotheses import Hypothesis, parameters_only
+from errorscreen.discovery.hypotheses import Hypothesis, JointFit, parameters_only
 from errorscreen.discovery.latent import probabilities_of, rank_places, waveform
 from errorscreen.effects.latent_input import KNOTS, latent
 from errorscreen.observations import Observation
@@ -69,15 +70,37 @@ def test_what_the_best_signal_leaves_makes_evidence_say_less():
     white = np.random.default_rng(0).standard_normal(int(observation.mask.sum()))
     smooth = 5.0 * np.sin(np.linspace(0.0, 20.0, len(white)))
 
-    def first(residuals):
+    def first(residuals, evidence, more):
+        """Probability of the first of two places, beside one of lower evidence that leaves more."""
+        chi2 = residuals @ residuals
         places = [
-            SimpleNamespace(evidence=e, observations=[observation], residuals=residuals)
-            for e in (-10.0, -40.0)
+            SimpleNamespace(evidence=0.0, chi2=chi2, observations=[observation], residuals=residuals),
+            SimpleNamespace(evidence=-evidence, chi2=chi2 + more, observations=[observation]),
         ]
-        for place in places:
-            place.inflation = Hypothesis.inflation.fget(place)
+        places[0].inflation = Hypothesis.inflation.fget(places[0])
         return probabilities_of(places)[0]
 
-    assert first(white) > 0.999999
-    assert 0.5 < first(smooth) < 0.6
-    assert first(np.zeros(len(white))) > 0.999999
+    n = len(white)
+    assert first(white, 30.0, 100.0 * n) > 0.9999
+    assert first(np.zeros(n), 30.0, 100.0 * n) > 0.9999
+    assert 0.5 < first(smooth, 30.0, 100.0 * n) < 0.6
+    left = smooth @ smooth - n  # ten per cent more of it is no evidence, however many samples there are
+    assert first(smooth, 1e6, 0.1 * left) == pytest.approx(1.21 / 2.21)
+
+
+def test_a_signal_is_also_sought_from_the_nominal_parameters(monkeypatch):
+    hidden = draw_plant_scenario(1, 40.0, kind="outside", device="synchronous_machine")
+    begun = []
+
+    class Seen(JointFit):
+        def __init__(self, effects, problem, starts):
+            begun.append(np.array(starts))
+            super().__init__(effects, problem, starts)
+
+    monkeypatch.setattr("errorscreen.discovery.latent.JointFit", Seen)
+    problem = FitProblem(hidden.simulator, list(hidden.recordings))
+    rank_places(parameters_only(problem, hidden.theta, "converged"))
+    assert len(begun) == 2  # ports
+    for fitted, nominal in begun:
+        assert fitted[: len(problem.names)].any()
+        assert not nominal.any()
