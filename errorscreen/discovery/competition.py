@@ -123,12 +123,10 @@ class Competition(Standings):
     def _settled(self) -> bool:
         """Whether parameters suffice, or what leaves only noise does so clearly.
 
-        Of all that hardly passes for noise, more is wrong: an oscillation that imitates an effect whose signature
-        promised little.
+        What only just passes may imitate an effect whose signature promised little.
         """
-        return self.is_adequate(self.base) or any(
-            self.remainders[h.name].p_value > _CLEARLY_NOISE for h in self.adequate
-        )
+        clear = (self.remainders[h.name].p_value > _CLEARLY_NOISE for h in self.adequate)
+        return self.is_adequate(self.base) or any(clear)
 
     def _add(
         self, base: Hypothesis, candidates: Sequence[Effect], near: Hypothesis | None = None
@@ -137,8 +135,7 @@ class Competition(Standings):
         others = [effect for effect in candidates if effect not in base.effects]
         self.tell(f"signatures of {len(others)} effects beside {base.name}")
         self._extended.add(base.name)
-        tried = _TRIED_BESIDE if base.effects else _TRIED
-        wanted = tried * self.n_fits
+        wanted = (_TRIED_BESIDE if base.effects else _TRIED) * self.n_fits
         searches = self._signatures(base, others, near)
         self.tell(f"joint fits of {min(wanted, len(searches))} of them")
         self._compete(base, searches[:wanted], self._promised_fits)
@@ -156,9 +153,7 @@ class Competition(Standings):
             if self.adequate:
                 return
             kept = [effect for effect in best.effects if effect is not dropped]
-            base = next((h for h in self.hypotheses if set(h.effects) == set(kept)), None)
-            if base is None:
-                base = self._refit(kept, self.base, [best], everywhere=False)
+            base = self.fit_of(kept) or self._refit(kept, self.base, [best], everywhere=False)
             if base is not None and base.name not in self._extended:
                 searches = self._add(base, candidates, best)
                 self.n_simulations += sum(search.problem.n_simulations for search in searches)
@@ -172,10 +167,10 @@ class Competition(Standings):
         """
         simulator, observations = base.simulator, base.observations
         points = [(base.u, base.jacobian)]
+        other = None if near is None else near.deviations(base.names)
         # with an effect the nominal values of its parameters mean nothing; a fit that leaves only noise is not stuck
-        other = None if base.effects or self.is_adequate(base) else np.zeros(len(base.u))
-        if near is not None:
-            other = near.deviations(base.names)
+        if not base.effects and not self.is_adequate(base):
+            other = np.zeros(len(base.u))
         if other is not None:
             problem = FitProblem(simulator, list(observations))
             points.append((other, linearised(problem, other)[1]))
@@ -200,7 +195,7 @@ class Competition(Standings):
         for fitted in self._journal.all_fitted(
             base.effects, problems, lambda: [fit.hypothesis() for fit in fits(base, searches)]
         ):
-            before = next((h for h in self.hypotheses if set(h.effects) == set(fitted.effects)), None)
+            before = self.fit_of(fitted.effects)
             if before is None or fitted.objective < before.objective - _WORTH:
                 self.keep(fitted, self.test(fitted), before)
         for hypothesis in self.beside(base)[:_BEAM]:
@@ -365,7 +360,7 @@ class Competition(Standings):
 
         If asked for, also from all over the ranges.
         """
-        before = next((h for h in self.hypotheses if set(h.effects) == set(effects)), None)
+        before = self.fit_of(effects)
         starts = [*near, *([before] if before else [])]
         fitted = self._refitted(effects, like.observations, like.simulator, starts)
         if fitted is None:

@@ -315,7 +315,6 @@ class CauseFinder(BaseEstimator):
         self.extended_simulator_ = self._chosen.simulator.with_nominal(self._chosen.theta)
         self.verdict_ = self._verdict()
 
-    @one_blas_thread
     def measure_gain(self, held_out: Any) -> Gain:
         """Gain of the extended simulator on recordings that were not fitted; an extension without gain is withdrawn.
 
@@ -353,7 +352,6 @@ class CauseFinder(BaseEstimator):
             self.verdict_ = Verdict("unknown", f"{conclusions.withdrawn_text(first, gain)} {self._located()}")
         return gain
 
-    @one_blas_thread
     def confirm(self, held_out: Any) -> Gain | None:
         """Judge the verdict on recordings that were not fitted.
 
@@ -393,6 +391,7 @@ class CauseFinder(BaseEstimator):
         left = conclusions.conspicuous_text(self.remainders_[self._base.name], self.significance)
         return verdict if verdict.kind != "parameters" else replace(verdict, text=verdict.text + left)
 
+    @one_blas_thread
     def _located(self) -> str:
         """Where something unknown enters, in words; places are kept."""
         self._tell("places of an unknown signal")

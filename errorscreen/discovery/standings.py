@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from errorscreen.discovery.hypotheses import Hypothesis
 from errorscreen.discovery.remainder import Remainder, remainder_test
+from errorscreen.effects.base import Effect
 
 
 class Standings:
@@ -54,6 +55,10 @@ class Standings:
     def with_effects(self, size: int) -> list[Hypothesis]:
         """Those with so many effects."""
         return [h for h in self.hypotheses if len(h.effects) == size]
+
+    def fit_of(self, effects: Iterable[Effect]) -> Hypothesis | None:
+        """The one with just these effects, in any order."""
+        return next((h for h in self.hypotheses if set(h.effects) == set(effects)), None)
 
     def nearest(self, size: int) -> Hypothesis | None:
         """Of those with so many effects what is most evident."""
