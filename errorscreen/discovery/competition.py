@@ -22,10 +22,6 @@ from errorscreen.simulators.base import Simulator
 
 #: single effects to which a second one is added
 _BEAM = 2
-#: no second effect is added to one that leaves so many times more than the best single effect
-_FAR = 5.0
-#: pairs that are fitted from everywhere where nothing leaves only noise, and times that the nearest of them is
-_PAIRS, _ATTEMPTS = 3, 2
 #: an effect that does not promise to lower the objective by this much is not fitted beside parameters that suffice
 _WORTH = 4.0
 #: effects with the best signatures, for each that is fitted to the end, whose joint fit begins; beside another effect
@@ -93,7 +89,7 @@ class Competition(Standings):
         self.simulator = base.simulator
         self.signatures: dict[str, float] = {}
         self.n_simulations = 0
-        self._spread_out: set[tuple[str, int]] = set()
+        self._spread_out: set[str] = set()
         self._extended: set[str] = set()  # what others have been tried beside
         self._led: set[float] = set()  # objectives of fits that have no way out
         self.keep(base, self.test(base))
@@ -118,16 +114,10 @@ class Competition(Standings):
         if depth == 1 and not self.adequate and self.beside(base):
             self._everywhere(self.beside(base)[0])  # pairs are dearer, and make up for a wrong minimum
         if depth < self.max_effects and not self.adequate:
-            for hypothesis in self._beam(base):
+            for hypothesis in sorted(self.beside(base), key=lambda h: -h.evidence)[:_BEAM]:
                 self._extend(hypothesis, candidates, depth + 1)
                 if self.adequate or not self.explained(depth + 1, _PART):
                     break
-
-    def _beam(self, base: Hypothesis) -> list[Hypothesis]:
-        """The best with one effect more, to which another one is added."""
-        found = sorted(self.beside(base), key=lambda h: -h.evidence)[:_BEAM]
-        left = [self.remainders[h.name].excess for h in found]
-        return [h for h, excess in zip(found, left, strict=True) if excess <= _FAR * left[0]]
 
     @property
     def _settled(self) -> bool:
@@ -334,15 +324,14 @@ class Competition(Standings):
     def _spread(self) -> None:
         """Where nothing is adequate: fit what comes nearest to noise from everywhere, also each effect of it alone.
 
-        A fit in a local minimum looks exactly like something that no one knows. A pair has more of them, so several
-        pairs are tried, and the nearest again from other starts where it explains most.
+        A fit in a local minimum looks exactly like something that no one knows.
         """
         sets: list[tuple[Effect, ...]] = []
         for number in range(self.max_effects + 1):
-            found = sorted(self.with_effects(number), key=lambda h: -self.scores[h.name])
-            if found and number > 1:
-                sets += [(effect,) for effect in found[0].effects]
-            sets += [hypothesis.effects for hypothesis in found[: _PAIRS if number > 1 else 1]]
+            nearest = self.nearest(number)
+            if nearest is not None:
+                sets += [(effect,) for effect in nearest.effects if number > 1]
+                sets.append(nearest.effects)
         for effects in dict.fromkeys(sets):
             if self.adequate:
                 return
@@ -350,11 +339,6 @@ class Competition(Standings):
             whole = [h for h in self.hypotheses if effects and set(h.effects) > set(effects)]
             near = [max(hs, key=lambda h: self.scores[h.name]) for hs in (part, whole) if hs]
             self._refit(effects, self.base, near, everywhere=True)
-        for attempt in range(1, _ATTEMPTS):
-            nearest = self.nearest(self.max_effects)
-            if nearest is None or self.adequate or not self.explained(self.max_effects, _NAMED):
-                return
-            self._everywhere(nearest, attempt)
 
     def _eliminate(self) -> None:
         """Fit the best adequate hypothesis without each of its effects.
@@ -387,15 +371,14 @@ class Competition(Standings):
             return self._everywhere(fitted)
         return fitted
 
-    def _everywhere(self, hypothesis: Hypothesis, attempt: int = 0) -> Hypothesis:
-        """Fit a hypothesis from all over the ranges, once in each attempt; what is best takes its place."""
-        if (hypothesis.name, attempt) in self._spread_out:
+    def _everywhere(self, hypothesis: Hypothesis) -> Hypothesis:
+        """Fit a hypothesis from all over the ranges, once; what is best takes its place."""
+        if hypothesis.name in self._spread_out:
             return hypothesis
-        self._spread_out.add((hypothesis.name, attempt))
+        self._spread_out.add(hypothesis.name)
         self.tell(f"other starts of {hypothesis.name}")
         problem = FitProblem(hypothesis.simulator, list(hypothesis.observations), hypothesis.names)
-        seed = np.random.SeedSequence(self.seed, spawn_key=(attempt,))
-        better = self._better(hypothesis, problem, lambda: elsewhere(hypothesis, problem, seed))
+        better = self._better(hypothesis, problem, lambda: elsewhere(hypothesis, problem, self.seed))
         self.n_simulations += problem.n_simulations
         return self._polish(self._escape(better or hypothesis))
 

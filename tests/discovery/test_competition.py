@@ -105,34 +105,3 @@ def test_an_effect_that_imitates_another_one_is_exchanged(monkeypatch):
     found.run(simulator.effects)
     assert [{e.name for e in h.effects} for h in found.adequate] == [set(names)]
     assert found.adequate[0].theta == pytest.approx([0.45, 4.4, 0.6, 0.4], rel=0.05)
-
-
-def fitted(found, *sets):
-    """Fits of sets of effects, of which none passes for noise."""
-    found.significance = 1.0
-    effects = {effect.name: effect for effect in found.simulator.effects}
-    for names in sets:
-        found._refit([effects[name] for name in names], found.base, [found.base], everywhere=False)
-
-
-def test_no_second_effect_is_added_to_what_leaves_far_more_than_the_best(spring, monkeypatch):
-    found = competition(*spring, max_effects=2)
-    fitted(found, ("velocity.cubic(position)",), ("scale_position",))
-    assert [h.name for h in found._beam(found.base)] == ["velocity.cubic(position)"]
-    monkeypatch.setattr("errorscreen.discovery.competition._FAR", np.inf)
-    assert len(found._beam(found.base)) == 2
-
-
-def test_pairs_that_are_stuck_are_fitted_from_all_over_the_ranges(spring, monkeypatch):
-    tried = []
-    monkeypatch.setattr(
-        Competition, "_everywhere", lambda self, h, attempt=0: tried.append((h.name, attempt)) or h
-    )
-    found = competition(*spring, max_effects=2)
-    others = "scale_position", "lag_position", "offset_position", "force.lag"
-    fitted(found, *(("velocity.cubic(position)", other) for other in others))
-    found._spread()
-    pairs = [(name, attempt) for name, attempt in tried if " + " in name]
-    assert len({name for name, _ in pairs}) == 3  # of four
-    assert [attempt for _, attempt in pairs] == [0, 0, 0, 1]
-    assert pairs[-1][0] == found.nearest(2).name
