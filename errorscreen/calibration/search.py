@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
 from scipy.optimize import lsq_linear
+
+from errorscreen.sampling import generator
 
 #: damping values tried in one batch, relative to the one that worked last
 _DAMPINGS = 10.0 ** np.arange(-3, 4)
@@ -36,6 +39,8 @@ class Track:
         Objective there.
     jacobian : ndarray of shape (N, k) or None
         Of the residuals at `u`; None where the position is newer.
+    latest : ndarray of shape (N, k) or None
+        The Jacobian that was taken last, be it at an earlier position.
     central : bool
         Whether it is taken by central differences.
     damping : float
@@ -52,6 +57,7 @@ class Track:
     residuals: _Array
     cost: float
     jacobian: _Array | None = None
+    latest: _Array | None = None
     central: bool = False
     damping: float = _FIRST_DAMPING
     promise: float = np.inf
@@ -188,7 +194,9 @@ class BoundedSearch:
             # the other end of a one-sided difference is where the track is
             other, there = (end[1], values[1]) if track.central else (track.u, track.residuals)
             width = end[0] - other
-            track.jacobian = ((values[0] - there) / np.where(width != 0, width, 1.0)[:, None]).T
+            track.jacobian = track.latest = (
+                (values[0] - there) / np.where(width != 0, width, 1.0)[:, None]
+            ).T
 
     def _ends(self, track: Track) -> _Array:
         """Values of each parameter at which residuals are needed, (2, k) or (1, k)."""
@@ -215,6 +223,27 @@ class BoundedSearch:
         A = J.T @ J / inflation + np.eye(len(track.u)) / self._prior**2
         g = (J.T @ track.residuals - 0.5 * self.slope) / inflation + track.u / self._prior**2
         return A, g
+
+    def scattered(self, track: Track, widths: ArrayLike, random_state: Any = None) -> _Array:
+        """Points inside the bounds that scatter around a track as far as its latest linearisation leaves it free.
+
+        Parameters
+        ----------
+        track : Track
+            Has been moved, or differentiated.
+        widths : array-like of shape (n,)
+            In standard deviations of the posterior distribution of the linear model.
+        random_state : None, int, SeedSequence, Generator or RandomState
+
+        Returns
+        -------
+        ndarray of shape (n, k)
+        """
+        assert track.latest is not None
+        w = np.asarray(widths, dtype=float)[:, None]
+        factor = cholesky(track.latest.T @ track.latest + np.eye(len(track.u)) / self._prior**2)
+        draws = generator(random_state).standard_normal((len(w), len(track.u)))
+        return np.clip(track.u + w * solve_triangular(factor, draws.T).T, self._lower, self._upper)
 
     def _active(self) -> list[Track]:
         return [track for track in self.tracks if track.state == "active"]

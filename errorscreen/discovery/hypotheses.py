@@ -99,7 +99,7 @@ class Hypothesis:
     @property
     def name(self) -> str:
         """Names of its effects joined by `` + ``; ``"parameters"`` without any."""
-        return " + ".join(effect.name for effect in self.effects) or "parameters"
+        return name_of(self.effects)
 
     @property
     def converged(self) -> bool:
@@ -202,6 +202,11 @@ class JointFit:
         """Where all starts have got to (s, k), the best first."""
         return np.array([track.u for track in sorted(self._search.tracks, key=lambda track: track.cost)])
 
+    def scattered(self, widths: ArrayLike, random_state: Any = 0) -> _Array:
+        """Points (s, n, k) around where all starts have got to, the best first; for widths (n,) see (D6)."""
+        tracks = sorted(self._search.tracks, key=lambda track: track.cost)
+        return np.array([self._search.scattered(track, widths, random_state) for track in tracks])
+
     def run(self, iterations: int) -> JointFit:
         """Go on for so many iterations at most; `gained` is by how much they lowered the objective."""
         before = self.objective
@@ -279,6 +284,11 @@ def _applies(effect: Effect, event: Event) -> bool:
     if effect.kind != "event":
         return True
     return effect.equations(event, *(p.nominal for p in effect.parameters)) is not event
+
+
+def name_of(effects: Sequence[Effect]) -> str:
+    """Names of effects joined by `` + ``; ``"parameters"`` without any."""
+    return " + ".join(effect.name for effect in effects) or "parameters"
 
 
 def fit_hypothesis(effects: Sequence[Effect], problem: FitProblem, starts: ArrayLike) -> Hypothesis:

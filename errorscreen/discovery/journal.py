@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.checkpoint import Checkpoint
-from errorscreen.discovery.hypotheses import Hypothesis, reached
+from errorscreen.discovery.hypotheses import Hypothesis, name_of, reached
 from errorscreen.discovery.signatures import SignatureSearch, raced
 from errorscreen.effects.base import Effect
 from errorscreen.exceptions import SimulationError
@@ -77,25 +77,22 @@ class Journal:
 
     def all_fitted(
         self,
-        effects: Sequence[Effect],
-        problems: Mapping[str, FitProblem],
+        problems: Mapping[tuple[Effect, ...], FitProblem],
         fit: Callable[[], Sequence[Hypothesis]],
     ) -> list[Hypothesis]:
-        """Fits of which each has added one effect.
+        """Fits of some of several problems.
 
         Parameters
         ----------
-        effects : sequence of Effect
-            That all of them have.
-        problems : mapping of str to FitProblem
-            By the name of the effect that was added.
+        problems : mapping of tuple of Effect to FitProblem
+            By the effects of each.
         fit : callable
         """
         found: list[Hypothesis] = []
 
         def compute() -> Part:
             found.extend(fit())
-            part: Part = {"fits": np.array([h.effects[-1].name for h in found])}
+            part: Part = {"fits": np.array([h.name for h in found])}
             part["counts"] = np.array([problem.n_simulations for problem in problems.values()])
             for number, hypothesis in enumerate(found):
                 part |= {f"{number}.{key}": value for key, value in packed(hypothesis).items()}
@@ -103,10 +100,11 @@ class Journal:
 
         part = self.part(compute)
         if not found:
+            by_name = {name_of(effects): effects for effects in problems}
             for number, name in enumerate(part["fits"]):
-                problem = problems[str(name)]
+                effects = by_name[str(name)]
                 own = {key: part[f"{number}.{key}"] for key in ("u", "slope", "objective", "state")}
-                found.append(unpacked((*effects, problem.simulator.extensions[-1]), problem, own))
+                found.append(unpacked(effects, problems[effects], own))
         for problem, count in zip(problems.values(), part["counts"], strict=True):
             problem.n_simulations = int(count)
         return found

@@ -13,8 +13,7 @@ from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery.hypotheses import Hypothesis, JointFit
 from errorscreen.discovery.signatures import SPREADS, objectives, projected, spread_over
 from errorscreen.effects.base import Effect
-from errorscreen.parameters import Parameter, ParameterSpace
-from errorscreen.sampling import generator, latin_hypercube
+from errorscreen.sampling import generator
 
 #: values of one parameter that are tried in a search for a way out of a local minimum
 _LINE = 48
@@ -22,14 +21,6 @@ _LINE = 48
 _BESIDE = np.geomspace(1e-4, 0.1, 8)
 #: values of all parameters of an effect with many minima that are tried together, for each of `SPREADS`
 _CLOUD = 48
-#: simulations with all parameters drawn together, around so many values of the effects' own
-_DRAWN, _VALUES = 2048, 16
-#: parts of the recordings that starts are fitted to one after another, as shares of what follows the event, how many
-#: starts go on to each and for how many iterations
-_GROWTH = (
-    (0.1, 16, 3), (0.15, 12, 2), (0.2, 12, 2), (0.25, 10, 3), (0.33, 10, 3),
-    (0.4, 8, 3), (0.5, 8, 3), (0.6, 6, 3), (0.7, 6, 3), (0.85, 6, 3),
-)  # fmt: skip
 #: starts that are kept after so many iterations each, and those that are followed to the end
 _HALVING, _FOLLOWED = ((16, 3), (8, 6)), 3
 #: individuals for each parameter, and generations, of a global search
@@ -97,72 +88,6 @@ def escapes(hypothesis: Hypothesis, problem: FitProblem, random_state: Any = 0) 
     return [start for _, start in sorted(found, key=lambda item: item[0])]
 
 
-def elsewhere(hypothesis: Hypothesis, problem: FitProblem, random_state: Any = 0) -> _Array:
-    """Points all over the ranges of the parameters that are fitted to an ever longer part of the recordings.
-
-    What follows an event at once has few local minima, and what comes later is known well enough when it is reached:
-    an oscillation that is fitted from its first swing on cannot be fitted half a period off. So that the parameters of
-    effects are tried all over their ranges, and not only where the model's own happen to fit, simulations are drawn
-    around some values of these, and the best around each is followed. Half of the values scatter around the fitted
-    ones: what is strong is often known before the rest fits.
-
-    Parameters
-    ----------
-    hypothesis : Hypothesis
-        Fitted.
-    problem : FitProblem
-        It was fitted to.
-    random_state : None, int, SeedSequence, Generator or RandomState
-
-    Returns
-    -------
-    ndarray of shape (s, k)
-
-    Raises
-    ------
-    SimulationError
-        If none of them can be simulated.
-    """
-    rng = generator(random_state)
-    u = problem.drawn(_DRAWN, rng)
-    which = np.arange(_DRAWN) % _VALUES
-    own = np.flatnonzero(
-        np.isin(problem.names, [e.local(p.name) for e in hypothesis.effects for p in e.parameters])
-    )
-    u[:, own] = _values(hypothesis, problem, own, rng)[which]
-    part = problem.until(_GROWTH[0][0])
-    objective = objectives(part, u)
-    objective[np.isnan(objective)] = np.inf
-    problem.n_simulations += part.n_simulations
-    return grown(
-        hypothesis.effects,
-        problem,
-        [u[np.argmin(np.where(which == i, objective, np.inf))] for i in range(_VALUES)],
-    )
-
-
-def grown(effects: Sequence[Effect], problem: FitProblem, starts: ArrayLike) -> _Array:
-    """Where starts (s, k) have got to, fitted to an ever longer part of the recordings.
-
-    Parameters
-    ----------
-    effects : sequence of Effect
-        Those of the problem's simulator.
-    problem : FitProblem
-    starts : array-like of shape (s, k)
-
-    Returns
-    -------
-    ndarray of shape (r, k)
-        Those that got furthest.
-    """
-    for share, kept, iterations in _GROWTH:
-        part = problem.until(share)
-        starts = JointFit(effects, part, starts).keep(kept).run(iterations).reached
-        problem.n_simulations += part.n_simulations
-    return np.asarray(starts)
-
-
 def followed(
     hypothesis: Hypothesis, problem: FitProblem, starts: ArrayLike, worth: float
 ) -> Hypothesis | None:
@@ -183,11 +108,22 @@ def followed(
     SimulationError
         If none of the starts can be simulated.
     """
-    fit = JointFit(hypothesis.effects, problem, starts)
+    fit = halved(hypothesis.effects, problem, starts).pursue(hypothesis.objective)
+    return fit.hypothesis() if fit.objective <= hypothesis.objective - worth else None
+
+
+def halved(effects: Sequence[Effect], problem: FitProblem, starts: ArrayLike) -> JointFit:
+    """Fit from starts (s, k), of which fewer and fewer are kept.
+
+    Raises
+    ------
+    SimulationError
+        If none of the starts can be simulated.
+    """
+    fit = JointFit(effects, problem, starts)
     for kept, iterations in _HALVING:
         fit.keep(kept).run(iterations)
-    fit.keep(_FOLLOWED).pursue(hypothesis.objective)
-    return fit.hypothesis() if fit.objective <= hypothesis.objective - worth else None
+    return fit.keep(_FOLLOWED)
 
 
 def searched(problem: FitProblem, random_state: Any = 0) -> _Array:
@@ -255,19 +191,3 @@ def _evolved(
         problem.scaled_bounds[:, moved].T, polish=False, vectorized=True, updating="deferred", rng=rng, **options,
     )  # fmt: skip
     return float(found.fun), rows(found.x[:, None])[0]
-
-
-def _values(
-    hypothesis: Hypothesis, problem: FitProblem, own: NDArray[np.int64], rng: np.random.Generator
-) -> _Array:
-    """Values of the effects' parameters, half around those fitted and half over their ranges, (v, d)."""
-    if not len(own):
-        return np.zeros((_VALUES, 0))
-    lower, upper = problem.scaled_bounds[:, own]
-    scatter = SPREADS[0] * (upper - lower) * rng.standard_normal((_VALUES // 2, len(own)))
-    near = np.clip(hypothesis.u[own] + scatter, lower, upper)
-    unit = ParameterSpace(Parameter(name, 0.5, 0.0, 1.0) for name in np.array(problem.names)[own])
-    shares = latin_hypercube(unit, _VALUES - len(near), rng)
-    return np.concatenate(
-        [near, spread_over(problem.space.subset(unit.names), 0, shares, hypothesis.effects)]
-    )

@@ -52,6 +52,11 @@ class Standings:
         """Whether what a hypothesis leaves passes for noise."""
         return self.passes(self.remainders[hypothesis.name])
 
+    @property
+    def most_effects(self) -> int:
+        """Most effects of one of them."""
+        return max(len(h.effects) for h in self.hypotheses)
+
     def with_effects(self, size: int) -> list[Hypothesis]:
         """Those with so many effects."""
         return [h for h in self.hypotheses if len(h.effects) == size]

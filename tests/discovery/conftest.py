@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from errorscreen.calibration.problem import FitProblem
+from errorscreen.discovery.hypotheses import JointFit
 from errorscreen.events import InputSignal
 from errorscreen.parameters import Parameter
 from errorscreen.recordings import Recording
@@ -51,3 +53,12 @@ def relay():
     effect = next(e for e in model.effects if e.name == "supply.relay_above(level)")
     truth = model.extend(effect).simulate([0.55, 0.22, 0.8, 2.1, 1.1], event)
     return model, effect, model.observe(recorded(truth.values[0], event, "level"))
+
+
+@pytest.fixture
+def stuck_relay(relay):
+    """A relay fitted from where its threshold, and so all else, ends in a local minimum."""
+    model, effect, observation = relay
+    problem = FitProblem(model.extend(effect), observation)
+    start = (np.array([0.55, 0.22, 0.5, 2.6, 4.0]) - problem.space.nominal) / problem.space.scales
+    return problem, JointFit((effect,), problem, start).run(30).hypothesis()

@@ -7,6 +7,7 @@ import pytest
 
 from errorscreen.calibration import MAPCalibrator
 from errorscreen.calibration.problem import FitProblem
+from errorscreen.discovery import competition as competition_module
 from errorscreen.discovery.competition import Competition
 from errorscreen.discovery.hypotheses import parameters_only
 from errorscreen.discovery.signatures import SignatureSearch
@@ -14,6 +15,7 @@ from errorscreen.recordings import Recording
 from tests.simulators.models import oscillator, push
 
 TIME = np.arange(0.0, 60.0, 0.3)
+NAMES = "velocity.cubic(position)", "force.lag"
 
 
 def competition(simulator, observation, **options):
@@ -94,14 +96,33 @@ def test_what_hardly_passes_for_noise_does_not_end_the_search(spring, p_value, g
 def test_an_effect_that_imitates_another_one_is_exchanged(monkeypatch):
     simulator = oscillator(push(time=TIME), step=0.05)
     effects = {effect.name: effect for effect in simulator.effects}
-    names = "velocity.cubic(position)", "force.lag"
-    observation = simulator.observe(recorded(names, [0.45, 4.4, 0.6, 0.4], 2e-3))
+    observation = simulator.observe(recorded(NAMES, [0.45, 4.4, 0.6, 0.4], 2e-3))
     found = competition(simulator, observation, max_effects=2)
 
-    def begin_wrongly(self, base, candidates, depth):  # a lag of what is measured looks like one of what acts
-        self._refit((effects["lag_position"], effects[names[0]]), base, [base], everywhere=False)
+    def begin_wrongly(self, candidates):  # a lag of what is measured looks like one of what acts
+        self._refit((effects["lag_position"], effects[NAMES[0]]), self.base, [self.base], everywhere=False)
 
-    monkeypatch.setattr(Competition, "_extend", begin_wrongly)
+    monkeypatch.setattr(Competition, "_select", begin_wrongly)
     found.run(simulator.effects)
-    assert [{e.name for e in h.effects} for h in found.adequate] == [set(names)]
+    assert [{e.name for e in h.effects} for h in found.adequate] == [set(NAMES)]
     assert found.adequate[0].theta == pytest.approx([0.45, 4.4, 0.6, 0.4], rel=0.05)
+
+
+def test_a_second_effect_that_no_signature_promises_is_found_by_growing_fits(monkeypatch):
+    """Beside the first effect, joint fits from signatures are all of others than the right one."""
+    plain = competition_module.promised
+
+    def others(base, searches, *args):
+        hidden = [s for s in searches if not base.effects or s.effect.name not in NAMES]
+        return plain(base, hidden, *args)
+
+    monkeypatch.setattr(competition_module, "promised", others)
+    simulator = oscillator(push(time=TIME), step=0.05)
+    observation = simulator.observe(recorded(NAMES, [0.45, 4.4, 0.6, 0.4], 2e-3))
+    found = competition(simulator, observation, max_effects=2)
+    lines = []
+    found.tell = lines.append
+    found.run(simulator.effects)
+    assert any("growing fits" in line for line in lines)
+    assert {e.name for e in found.adequate[0].effects} == set(NAMES)
+    assert found.adequate[0].theta[:2] == pytest.approx([0.45, 4.4], rel=0.05)

@@ -1,0 +1,180 @@
+r"""Fits to an ever longer part of the recordings, from starts all over the ranges.
+
+What follows an event at once has few local minima, and what comes later is known well enough when it is reached: an
+oscillation that is fitted from its first swing on cannot be fitted half a period off. But what only shows later, when a
+plant takes up its power again, is not known at all by then, and a fit leaves it at the prior's value. So before each
+longer part, starts scatter around what has been reached, as far as the part before leaves them free,
+
+.. math:: u' \sim N\big(u,\ w^2 (J^T J + I/s^2)^{-1}\big)                                                   \qquad (D6)
+
+and the best of each that fits the longer part joins. This is a particle filter for parameters that do not change
+(N. Chopin, "A sequential particle filter method for static models", *Biometrika* 89(3), 2002), with Gauss-Newton steps
+in place of its random ones.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from errorscreen.calibration.problem import FitProblem
+from errorscreen.discovery.hypotheses import Hypothesis, JointFit, race
+from errorscreen.discovery.restarts import halved
+from errorscreen.discovery.signatures import SPREADS, objectives, spread_over
+from errorscreen.effects.base import Effect
+from errorscreen.exceptions import SimulationError
+from errorscreen.parameters import Parameter, ParameterSpace
+from errorscreen.sampling import generator, latin_hypercube
+
+#: parts of the recordings, as shares of what follows the event, which share of the starts goes on to each, and for how
+#: many iterations
+_PARTS = (
+    (0.1, 1.0, 2), (0.15, 0.75, 2), (0.2, 0.75, 2), (0.25, 0.625, 3), (0.33, 0.625, 3),
+    (0.4, 0.5, 3), (0.5, 0.5, 3), (0.6, 0.375, 3), (0.7, 0.375, 3), (0.85, 0.375, 3),
+)  # fmt: skip
+#: points that scatter around each start, and the widths w of (D6) among them
+_SCATTERED, _WIDTHS = 64, (0.5, 1.0, 3.0)
+#: simulations with all parameters drawn together, for each start
+_DRAWN = 64
+#: in a race, parts after which some fits are dropped, and those that are kept for each that is fitted to the end
+_RACE = ((1, 4), (3, 2), (6, 1))
+
+_Array = NDArray[np.float64]
+
+
+class Growth:
+    """Fit of some effects to an ever longer part of the recordings, which can be stopped and gone on with.
+
+    Parameters
+    ----------
+    effects : sequence of Effect
+        Those of the problem's simulator.
+    problem : FitProblem
+    starts : array-like of shape (s, k)
+        Deviations from the nominal values in multiples of the scales.
+    random_state : None, int, SeedSequence, Generator or RandomState
+        Of what scatters around them.
+
+    Attributes
+    ----------
+    reached : ndarray of shape (r, k)
+        Where those have got to that fit the part best, the best first.
+    objective : float
+        Lowest objective on that part.
+    """
+
+    def __init__(
+        self, effects: Sequence[Effect], problem: FitProblem, starts: ArrayLike, random_state: Any = 0
+    ) -> None:
+        self.effects, self.problem = tuple(effects), problem
+        self.reached = np.atleast_2d(np.asarray(starts, dtype=float))
+        self.objective = np.inf
+        self._size, self._rng = len(self.reached), generator(random_state)
+        self._fit: JointFit | None = None
+        self._number = 0
+
+    def run(self, parts: int = len(_PARTS)) -> Growth:
+        """Go on to so many parts in all.
+
+        Raises
+        ------
+        SimulationError
+            If no start can be simulated.
+        """
+        for share, kept, iterations in _PARTS[self._number : parts]:
+            part = self.problem.until(share)
+            starts = self.reached if self._fit is None else self._scattered(self._fit, part)
+            kept_ = max(1, round(kept * self._size))
+            self._fit = JointFit(self.effects, part, starts).keep(kept_).run(iterations)
+            self.reached, self.objective = self._fit.reached, self._fit.objective
+            self.problem.n_simulations += part.n_simulations
+            self._number += 1
+        return self
+
+    def _scattered(self, fit: JointFit, part: FitProblem) -> _Array:
+        """What a fit has reached, and the best of (D6) around each of these on a longer part."""
+        clouds = fit.scattered(np.resize(_WIDTHS, _SCATTERED), self._rng)
+        objective = np.nan_to_num(objectives(part, np.concatenate(clouds)), nan=np.inf)
+        best = objective.reshape(clouds.shape[:2]).argmin(axis=1)
+        return np.concatenate([fit.reached, clouds[np.arange(len(clouds)), best]])
+
+
+def begun(
+    base: Hypothesis, effects: Sequence[Effect], problem: FitProblem, n: int, random_state: Any = 0
+) -> Growth:
+    """Fit from starts all over the ranges, not yet run.
+
+    So that the parameters of effects are tried all over their ranges, and not only where the model's own happen to fit,
+    simulations are drawn around some values of these, and the best around each is a start. Half of the values of an
+    effect that has been fitted scatter around these: what is strong is often known before the rest fits.
+
+    Parameters
+    ----------
+    base : Hypothesis
+        Fitted, with all or some of the effects, or none.
+    effects : sequence of Effect
+        Those of the problem's simulator.
+    problem : FitProblem
+    n : int
+        Starts.
+    random_state : None, int, SeedSequence, Generator or RandomState
+    """
+    rng = generator(random_state)
+    u = problem.drawn(n * _DRAWN, rng).reshape(n, _DRAWN, -1)
+    fitted = base.deviations(problem.names)
+    for number, effect in enumerate(effects):
+        own = np.flatnonzero(np.isin(problem.names, [effect.local(p.name) for p in effect.parameters]))
+        # of two effects that have been fitted every combination
+        near = (np.arange(n) >> number) % 2 == 0 if effect in base.effects else np.zeros(n, dtype=bool)
+        u[:, :, own] = _values(effect, problem, own, fitted, near, rng)[:, None]
+    part = problem.until(_PARTS[0][0])
+    objective = np.nan_to_num(objectives(part, u.reshape(n * _DRAWN, -1)), nan=np.inf).reshape(n, _DRAWN)
+    problem.n_simulations += part.n_simulations
+    return Growth(effects, problem, u[np.arange(n), objective.argmin(axis=1)], rng)
+
+
+def outgrown(fits: Iterable[Growth], n: int) -> Sequence[JointFit]:
+    """Let fits grow side by side, and fit those that got furthest to all of the recordings.
+
+    Parameters
+    ----------
+    fits : iterable of Growth
+        Not yet run.
+    n : int
+        How many are fitted to the end.
+    """
+    running: Iterable[Growth] = fits
+    for parts, kept in _RACE:
+        running = sorted(_grown(running, parts), key=lambda fit: fit.objective)[: kept * n]
+    return race([halved(fit.effects, fit.problem, fit.reached) for fit in _grown(running, len(_PARTS))])
+
+
+def _grown(fits: Iterable[Growth], parts: int) -> Iterator[Growth]:
+    """Fits that have gone on to so many parts, without those that can no longer be simulated."""
+    for fit in fits:
+        with contextlib.suppress(SimulationError):
+            yield fit.run(parts)
+
+
+def _values(
+    effect: Effect,
+    problem: FitProblem,
+    own: NDArray[np.int64],
+    fitted: _Array,
+    near: NDArray[np.bool_],
+    rng: np.random.Generator,
+) -> _Array:
+    """Values (n, d) of an effect's parameters, some near those fitted (k,) and the others over their ranges."""
+    lower, upper = problem.scaled_bounds[:, own]
+    values = np.zeros((len(near), len(own)))
+    spread = np.resize(SPREADS, near.sum())[:, None] * (upper - lower)
+    values[near] = fitted[own] + spread * rng.standard_normal(spread.shape)
+    if not near.all() and len(own):
+        unit = ParameterSpace(Parameter(name, 0.5, 0.0, 1.0) for name in np.array(problem.names)[own])
+        shares = latin_hypercube(unit, int((~near).sum()), rng)
+        values[~near] = spread_over(problem.space.subset(unit.names), 0, shares, [effect])
+    return np.clip(values, lower, upper)

@@ -1,0 +1,230 @@
+"""Hypotheses led to their minima: a fit on its way there, or in a local one, looks like something missing."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from errorscreen.calibration.problem import FitProblem
+from errorscreen.discovery.growth import begun
+from errorscreen.discovery.hypotheses import Hypothesis, fit_hypothesis
+from errorscreen.discovery.journal import Journal
+from errorscreen.discovery.restarts import escapes, followed, off_the_edge, searched
+from errorscreen.discovery.signatures import projected
+from errorscreen.discovery.standings import Standings
+from errorscreen.effects.base import Effect
+from errorscreen.observations import Observation
+from errorscreen.simulators.base import Simulator
+
+#: what is not lower by this much is not lower
+WORTH = 4.0
+#: what leaves more than this share of what parameters leave is not worth it
+PART = 0.5
+#: what leaves more than this share of what parameters leave will not be named
+NAMED = 0.1
+#: ways out of a local minimum that are followed
+_KEPT = 2
+#: times that a fit is led out of a local minimum
+_ESCAPES = 3
+#: most parameters of a model with its effects, for a search of all their ranges
+_FEW = 8
+#: a fit whose χ²/N is at most this is tried with a step so many times smaller, and fitted with it if the linear model
+#: promises to leave at most this share of what is beyond noise
+_NEAR, _FINER, _LEFT = 50.0, 4, 0.5
+#: starts all over the ranges, for a model without effects or with one, and for each effect of one that has more
+_STARTS = 16
+
+_Array = NDArray[np.float64]
+
+
+class Refinement(Standings):
+    """Fitted hypotheses, each of which can be led further.
+
+    Parameters
+    ----------
+    base : Hypothesis
+        Without effects.
+    significance, seed, tell
+        See `Standings`.
+    journal : Journal, optional
+        Of the parts that are finished.
+
+    Attributes
+    ----------
+    hypotheses, remainders, scores
+        See `Standings`.
+    n_simulations : int
+    """
+
+    def __init__(
+        self,
+        base: Hypothesis,
+        significance: float,
+        seed: int,
+        tell: Callable[[str], None],
+        journal: Journal | None,
+    ) -> None:
+        super().__init__(significance, seed, tell)
+        self._journal = Journal() if journal is None else journal
+        self.simulator = base.simulator
+        self.n_simulations = 0
+        self._spread_out: Counter[str] = Counter()  # how often each has been fitted from everywhere
+        self.keep(base, self.test(base))
+        self._polish(base)
+
+    def _escape(self, hypothesis: Hypothesis) -> Hypothesis:
+        """Follow ways out of a local minimum, as long as they lead lower; with few parameters, search everywhere."""
+        problem = FitProblem(hypothesis.simulator, list(hypothesis.observations), hypothesis.names)
+        for _ in range(_ESCAPES):
+            if self.is_adequate(hypothesis):
+                break
+            better = self._better(hypothesis, problem, partial(self._ways_out, hypothesis, problem))
+            if better is None:
+                break
+            hypothesis = better
+        many = any(effect.minima > 1 for effect in hypothesis.effects)
+        if many and len(problem.names) <= _FEW and not self.is_adequate(hypothesis):
+            hypothesis = (
+                self._better(hypothesis, problem, lambda: [searched(problem, self.seed)]) or hypothesis
+            )
+        self.n_simulations += problem.n_simulations
+        return hypothesis
+
+    def _ways_out(self, hypothesis: Hypothesis, problem: FitProblem) -> list[_Array]:
+        return escapes(hypothesis, problem, self.seed)[:_KEPT]
+
+    def _finish(self) -> None:
+        """Lead what a verdict rests on to its minimum: a fit on its way there looks like something missing."""
+        for hypothesis in map(self.nearest, range(self.most_effects + 1)):
+            if hypothesis is not None and not hypothesis.ended:
+                problem = FitProblem(hypothesis.simulator, list(hypothesis.observations), hypothesis.names)
+                self._better(hypothesis, problem, partial(np.atleast_2d, hypothesis.u), worth=0.0)
+                self.n_simulations += problem.n_simulations
+
+    def _settle(self) -> None:
+        """Lead what will be named out of local minima, if an effect has many: its values count, not only its name."""
+        found = max(
+            (h for h in self.adequate or self.hypotheses if h.effects),
+            key=lambda h: self.scores[h.name],
+            default=None,
+        )
+        if found is None or all(effect.minima == 1 for effect in found.effects):
+            return
+        whole, left = (self.remainders[h.name].excess for h in (self.base, found))
+        if not self.is_adequate(found) and left > NAMED * whole:
+            return
+        problem = FitProblem(found.simulator, list(found.observations), found.names)
+        off = partial(off_the_edge, found, problem, self.seed)
+        found = self._better(found, problem, lambda: off()[:_KEPT]) or found
+        self._better(found, problem, partial(self._ways_out, found, problem))
+        self.n_simulations += problem.n_simulations
+
+    def _better(
+        self,
+        hypothesis: Hypothesis,
+        problem: FitProblem,
+        starts: Callable[[], Sequence[_Array] | _Array],
+        worth: float = WORTH,
+    ) -> Hypothesis | None:
+        """Fit a hypothesis from other starts, and take it in place of this one; None if that does not lead lower."""
+
+        def fit() -> Hypothesis | None:
+            points = starts()
+            return followed(hypothesis, problem, points, worth) if len(points) else None
+
+        better = self._journal.fitted(hypothesis.effects, problem, fit)
+        if better is not None:
+            self.keep(better, self.test(better), hypothesis)
+        return better
+
+    def _polish(self, hypothesis: Hypothesis) -> Hypothesis:
+        """Fit a hypothesis that comes near to noise further, with a smaller step and the noise that belongs to it.
+
+        What it leaves may be the error of the integration, or noise of the injected signals that passes through the
+        model with its effects otherwise than through the nominal one. If that makes it adequate, all others that come
+        near are treated in the same way, so that evidences stay comparable; if not, nothing changes.
+        """
+        if self.is_adequate(hypothesis) or hypothesis.chi2_per_sample > _NEAR:
+            return hypothesis
+        reference = self.simulator.refined(_FINER)
+        fine = hypothesis.simulator.with_step_of(reference)
+        before = fine.parameters.nominal  # noise was estimated without effects
+        before[[fine.parameters.index(e.local(e.strength.name)) for e in hypothesis.effects]] = 0.0
+        observations = [fine.quantified(o, hypothesis.theta, before) for o in hypothesis.observations]
+        if self._promised(hypothesis, FitProblem(fine, observations, hypothesis.names)) > _LEFT:
+            return hypothesis
+        finer = self._refitted(hypothesis.effects, observations, reference, [hypothesis])
+        if finer is None:
+            return hypothesis
+        remainder = self.test(finer)
+        if not self.passes(remainder):
+            return hypothesis
+        self.keep(finer, remainder, hypothesis)
+        for other in list(self.hypotheses):
+            if other is not finer and other.chi2_per_sample < _NEAR:
+                better = self._refitted(other.effects, observations, reference, [other])
+                if better is not None:
+                    self.keep(better, self.test(better), other)
+        return finer
+
+    def _promised(self, hypothesis: Hypothesis, problem: FitProblem) -> float:
+        """Share of what a hypothesis leaves beyond noise that it would leave in a finer problem, by (D2)."""
+        columns = np.arange(len(hypothesis.u))
+        objective = projected(problem, hypothesis.u[None], hypothesis.jacobian, columns)[0][0]
+        self.n_simulations += problem.n_simulations
+        n = len(hypothesis.residuals)
+        return float((objective - n) / max(hypothesis.objective - n, 1.0))
+
+    def _refit(
+        self, effects: Sequence[Effect], like: Hypothesis, near: Sequence[Hypothesis], *, everywhere: bool
+    ) -> Hypothesis | None:
+        """Fit some effects, with the step and noise of a hypothesis, from where those near it have ended.
+
+        If asked for, also from all over the ranges.
+        """
+        before = self.fit_of(effects)
+        starts = [*near, *([before] if before else [])]
+        fitted = self._refitted(effects, like.observations, like.simulator, starts)
+        if fitted is None:
+            return None
+        self.keep(fitted, self.test(fitted), before)
+        hopeless = effects and fitted.chi2 > PART * self.base.chi2
+        if everywhere and not hopeless and not self.is_adequate(fitted):
+            return self._everywhere(fitted)
+        return fitted
+
+    def _everywhere(self, hypothesis: Hypothesis, times: int = 1) -> Hypothesis:
+        """Fit a hypothesis from all over the ranges, up to so many times in all; what is best takes its place."""
+        number = self._spread_out[hypothesis.name]
+        if number == times:
+            return hypothesis
+        self._spread_out[hypothesis.name] += 1
+        self.tell(f"other starts of {hypothesis.name}")
+        problem = FitProblem(hypothesis.simulator, list(hypothesis.observations), hypothesis.names)
+        n = _STARTS * max(1, len(hypothesis.effects))
+        seed = np.random.SeedSequence(self.seed, spawn_key=(number,))
+        growth = partial(begun, hypothesis, hypothesis.effects, problem, n, seed)
+        better = self._better(hypothesis, problem, lambda: growth().run().reached)
+        self.n_simulations += problem.n_simulations
+        return self._polish(self._escape(better or hypothesis))
+
+    def _refitted(
+        self,
+        effects: Sequence[Effect],
+        observations: Sequence[Observation],
+        reference: Simulator,
+        starts: Sequence[Hypothesis],
+    ) -> Hypothesis | None:
+        """Fit of some effects from where others ended, with the step of a reference; None if that fails."""
+        simulator = self.simulator.with_step_of(reference)
+        for effect in effects:
+            simulator = simulator.extend(effect)
+        problem = FitProblem(simulator, list(observations))
+        points = [h.deviations(problem.names) for h in starts]
+        found = self._journal.fitted(effects, problem, lambda: fit_hypothesis(effects, problem, points))
+        self.n_simulations += problem.n_simulations
+        return found
