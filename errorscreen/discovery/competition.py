@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from zlib import crc32
 
@@ -28,8 +28,8 @@ _NEARLY = 0.02
 _CLEARLY_NOISE = 0.2
 #: times that what would be named, but for the rest, is fitted from everywhere
 _TIMES = 3
-#: starts of each fit in a race, and fits that reach its end for each that is fitted to the end elsewhere
-_CROWD, _ARRIVE = 6, 0.5
+#: fits that reach the end of a race, for each that is fitted to the end elsewhere
+_ARRIVE = 0.5
 
 
 class Competition(Refinement):
@@ -113,12 +113,12 @@ class Competition(Refinement):
                     problems[effects] = FitProblem(base.simulator.extend(effect), list(base.observations))
         self.tell(f"{len(problems)} growing fits beside {' and beside '.join(base.name for base in beam)}")
 
-        def begin() -> Iterator[Growth]:
-            for effects, problem in problems.items():
-                base = bases[frozenset(effects)]
-                yield begun(base, effects, problem, _CROWD, self._seed(base, effects[-1], 2))
+        def begin(effects: tuple[Effect, ...], n: int) -> Growth:
+            base = bases[frozenset(effects)]
+            return begun(base, effects, problems[effects], n, self._seed(base, effects[-1], 2, n))
 
-        self._compete(problems, lambda: outgrown(begin(), max(1, round(_ARRIVE * self.n_fits))))
+        fits = [partial(begin, effects) for effects in problems]
+        self._compete(problems, lambda: outgrown(fits, max(1, round(_ARRIVE * self.n_fits))))
         self._lead(sorted(self.with_effects(len(beam[0].effects) + 1), key=lambda h: h.objective))
         self.n_simulations += sum(problem.n_simulations for problem in problems.values())
 

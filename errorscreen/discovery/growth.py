@@ -15,7 +15,7 @@ in place of its random ones.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -33,15 +33,15 @@ from errorscreen.sampling import generator, latin_hypercube
 #: parts of the recordings, as shares of what follows the event, which share of the starts goes on to each, and for how
 #: many iterations
 _PARTS = (
-    (0.1, 1.0, 2), (0.15, 0.75, 2), (0.2, 0.75, 2), (0.25, 0.625, 3), (0.33, 0.625, 3),
+    (0.1, 1.0, 3), (0.15, 0.75, 2), (0.2, 0.75, 2), (0.25, 0.625, 3), (0.33, 0.625, 3),
     (0.4, 0.5, 3), (0.5, 0.5, 3), (0.6, 0.375, 3), (0.7, 0.375, 3), (0.85, 0.375, 3),
 )  # fmt: skip
 #: points that scatter around each start, and the widths w of (D6) among them
 _SCATTERED, _WIDTHS = 64, (0.5, 1.0, 3.0)
 #: simulations with all parameters drawn together, for each start
 _DRAWN = 64
-#: in a race, parts after which some fits are dropped, and those that are kept for each that is fitted to the end
-_RACE = ((1, 4), (3, 2), (6, 1))
+#: rounds of a race: starts of each fit, and after which part how many go on for each that is fitted to the end
+_RACE = ((6, ((1, 8), (3, 2))), (16, ((3, 1), (len(_PARTS), 1))))
 
 _Array = NDArray[np.float64]
 
@@ -110,7 +110,8 @@ def begun(
 
     So that the parameters of effects are tried all over their ranges, and not only where the model's own happen to fit,
     simulations are drawn around some values of these, and the best around each is a start. Half of the values of an
-    effect that has been fitted scatter around these: what is strong is often known before the rest fits.
+    effect that has been fitted scatter around these, and all where another effect joins: what is strong is often known
+    before the rest fits.
 
     Parameters
     ----------
@@ -128,8 +129,11 @@ def begun(
     fitted = base.deviations(problem.names)
     for number, effect in enumerate(effects):
         own = np.flatnonzero(np.isin(problem.names, [effect.local(p.name) for p in effect.parameters]))
-        # of two effects that have been fitted every combination
-        near = (np.arange(n) >> number) % 2 == 0 if effect in base.effects else np.zeros(n, dtype=bool)
+        near = np.zeros(n, dtype=bool)
+        if (
+            effect in base.effects
+        ):  # half of them, of two effects in every combination, or all beside a new one
+            near = (np.arange(n) >> number) % 2 == 0 if len(effects) == len(base.effects) else ~near
         u[:, :, own] = _values(effect, problem, own, fitted, near, rng)[:, None]
     part = problem.until(_PARTS[0][0])
     objective = np.nan_to_num(objectives(part, u.reshape(n * _DRAWN, -1)), nan=np.inf).reshape(n, _DRAWN)
@@ -137,27 +141,34 @@ def begun(
     return Growth(effects, problem, u[np.arange(n), objective.argmin(axis=1)], rng)
 
 
-def outgrown(fits: Iterable[Growth], n: int) -> Sequence[JointFit]:
-    """Let fits grow side by side, and fit those that got furthest to all of the recordings.
+def outgrown(fits: Iterable[Callable[[int], Growth]], n: int) -> Sequence[JointFit]:
+    """Let fits grow side by side, and fit those that get furthest to all of the recordings.
+
+    All begin with few starts, and those that lead begin once more with many.
 
     Parameters
     ----------
-    fits : iterable of Growth
-        Not yet run.
+    fits : iterable of callable
+        Begin one with so many starts.
     n : int
         How many are fitted to the end.
     """
-    running: Iterable[Growth] = fits
-    for parts, kept in _RACE:
-        running = sorted(_grown(running, parts), key=lambda fit: fit.objective)[: kept * n]
-    return race([halved(fit.effects, fit.problem, fit.reached) for fit in _grown(running, len(_PARTS))])
+    begin, grown = list(fits), []
+    for starts, cuts in _RACE:
+        running = [(fit, fit(starts)) for fit in begin]
+        for parts, kept in cuts:
+            running = [(fit, growth) for fit, growth in running if _runs(growth, parts)]
+            running = sorted(running, key=lambda pair: pair[1].objective)[: kept * n]
+        begin, grown = [fit for fit, _ in running], [growth for _, growth in running]
+    return race([halved(growth.effects, growth.problem, growth.reached) for growth in grown])
 
 
-def _grown(fits: Iterable[Growth], parts: int) -> Iterator[Growth]:
-    """Fits that have gone on to so many parts, without those that can no longer be simulated."""
-    for fit in fits:
-        with contextlib.suppress(SimulationError):
-            yield fit.run(parts)
+def _runs(growth: Growth, parts: int) -> bool:
+    """Whether a fit can go on to so many parts."""
+    with contextlib.suppress(SimulationError):
+        growth.run(parts)
+        return True
+    return False
 
 
 def _values(

@@ -1,6 +1,7 @@
 """Fits to an ever longer part of the recordings."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -128,7 +129,8 @@ def test_the_fit_that_grows_best_is_fitted_to_all_of_the_recordings(spring):
     names = ["offset_position", "lag_position", "velocity.cubic(position)", "force.lag"]
     fits = []
     for effect in (e for e in model.effects if e.name in names):
-        fits.append(begun(base, (effect,), FitProblem(model.extend(effect), [observation]), 4, 0))
+        problem = FitProblem(model.extend(effect), [observation])
+        fits.append(partial(begun, base, (effect,), problem, random_state=0))
     (fit,) = outgrown(fits, 1)
     assert [e.name for e in fit.effects] == ["velocity.cubic(position)"]
     assert fit.problem.n_values == observation.mask.sum()
