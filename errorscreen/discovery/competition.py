@@ -144,22 +144,20 @@ class Competition(Refinement):
         return searches
 
     def _exchange(self, candidates: Sequence[Effect]) -> None:
-        """Try all others in place of each effect of what comes nearest to noise, where that explains some of it.
+        """Try all others in place of each effect of what comes nearest to noise, and beside what promised most alone.
 
         Forward selection may have begun with an effect that imitates another one: a long ramp looks like a cessation.
         And a signature beside the right one may promise little: that and the parameters have made up for the second.
         """
         best = self.nearest(self.max_effects)
-        if (
-            self.adequate
-            or best is None
-            or len(best.effects) < 2
-            or not self.explained(len(best.effects), PART)
-        ):
+        if self.adequate or best is None or len(best.effects) < 2:
             return
+        sets = [tuple(e for e in best.effects if e is not dropped) for dropped in best.effects]
+        if len(best.effects) == 2:
+            first = min(self.signatures, key=self.signatures.__getitem__, default="")
+            sets += [(effect,) for effect in candidates if effect.name == first]
         bases = []
-        for dropped in best.effects:
-            kept = [effect for effect in best.effects if effect is not dropped]
+        for kept in dict.fromkeys(sets):
             base = self.fit_of(kept) or self._refit(kept, self.base, [best], everywhere=False)
             if base is not None:
                 bases.append(base)
