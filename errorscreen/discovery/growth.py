@@ -129,11 +129,9 @@ def begun(
     fitted = base.deviations(problem.names)
     for number, effect in enumerate(effects):
         own = np.flatnonzero(np.isin(problem.names, [effect.local(p.name) for p in effect.parameters]))
-        near = np.zeros(n, dtype=bool)
-        if (
-            effect in base.effects
-        ):  # half of them, of two effects in every combination, or all beside a new one
-            near = (np.arange(n) >> number) % 2 == 0 if len(effects) == len(base.effects) else ~near
+        near = np.full(n, effect in base.effects)
+        if len(effects) == len(base.effects):  # of two effects every combination
+            near &= (np.arange(n) >> number) % 2 == 0
         u[:, :, own] = _values(effect, problem, own, fitted, near, rng)[:, None]
     part = problem.until(_PARTS[0][0])
     objective = np.nan_to_num(objectives(part, u.reshape(n * _DRAWN, -1)), nan=np.inf).reshape(n, _DRAWN)
@@ -160,7 +158,11 @@ def outgrown(fits: Iterable[Callable[[int], Growth]], n: int) -> Sequence[JointF
             running = [(fit, growth) for fit, growth in running if _runs(growth, parts)]
             running = sorted(running, key=lambda pair: pair[1].objective)[: kept * n]
         begin, grown = [fit for fit, _ in running], [growth for _, growth in running]
-    return race([halved(growth.effects, growth.problem, growth.reached) for growth in grown])
+    ended = []
+    for growth in grown:
+        with contextlib.suppress(SimulationError):
+            ended.append(halved(growth.effects, growth.problem, growth.reached))
+    return race(ended)
 
 
 def _runs(growth: Growth, parts: int) -> bool:
