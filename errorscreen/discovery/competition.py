@@ -17,7 +17,7 @@ from errorscreen.discovery.signatures import SignatureSearch
 from errorscreen.discovery.waves import anew, promised
 from errorscreen.effects.base import Effect
 
-#: hypotheses to each of which another effect is added
+#: fits with one effect more that are led further
 _BEAM = 2
 #: effects with the best signatures, for each that is fitted to the end, whose joint fit begins; beside another effect
 #: that explains most of it, signatures say more
@@ -101,17 +101,17 @@ class Competition(Refinement):
                 break
             base = best
 
-    def _race(self, beam: Sequence[Hypothesis], candidates: Sequence[Effect]) -> None:
+    def _race(self, among: Sequence[Hypothesis], candidates: Sequence[Effect]) -> None:
         """Add every other effect to each of some hypotheses, and let all of them grow with the recordings."""
         bases: dict[frozenset[Effect], Hypothesis] = {}
         problems: dict[tuple[Effect, ...], FitProblem] = {}
-        for base in beam:
+        for base in among:
             for effect in candidates:
                 effects = (*base.effects, effect)
                 if effect not in base.effects and frozenset(effects) not in bases:
                     bases[frozenset(effects)] = base
                     problems[effects] = FitProblem(base.simulator.extend(effect), list(base.observations))
-        self.tell(f"{len(problems)} growing fits beside {' and beside '.join(base.name for base in beam)}")
+        self.tell(f"{len(problems)} growing fits beside {' and beside '.join(base.name for base in among)}")
 
         def begin(effects: tuple[Effect, ...], n: int) -> Growth:
             base = bases[frozenset(effects)]
@@ -119,7 +119,7 @@ class Competition(Refinement):
 
         fits = [partial(begin, effects) for effects in problems]
         self._compete(problems, lambda: outgrown(fits, max(1, round(_ARRIVE * self.n_fits))))
-        self._lead(sorted(self.with_effects(len(beam[0].effects) + 1), key=lambda h: h.objective))
+        self._lead(sorted(self.with_effects(len(among[0].effects) + 1), key=lambda h: h.objective))
         self.n_simulations += sum(problem.n_simulations for problem in problems.values())
 
     @property

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from errorscreen.calibration.attenuation import noise_slope, relieved
 from errorscreen.calibration.intervals import noise_inflation, posterior_covariance
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.calibration.search import BoundedSearch
+from errorscreen.calibration.search import BoundedSearch, Track
 from errorscreen.discovery.noise import by_recording
 from errorscreen.effects.base import Effect
 from errorscreen.events import Event
@@ -200,12 +200,15 @@ class JointFit:
     @property
     def reached(self) -> _Array:
         """Where all starts have got to (s, k), the best first."""
-        return np.array([track.u for track in sorted(self._search.tracks, key=lambda track: track.cost)])
+        return np.array([track.u for track in self._ordered])
 
     def scattered(self, widths: ArrayLike, random_state: Any = 0) -> _Array:
         """Points (s, n, k) around where all starts have got to, the best first; for widths (n,) see (D6)."""
-        tracks = sorted(self._search.tracks, key=lambda track: track.cost)
-        return np.array([self._search.scattered(track, widths, random_state) for track in tracks])
+        return np.array([self._search.scattered(track, widths, random_state) for track in self._ordered])
+
+    @property
+    def _ordered(self) -> list[Track]:
+        return sorted(self._search.tracks, key=lambda track: track.cost)
 
     def run(self, iterations: int) -> JointFit:
         """Go on for so many iterations at most; `gained` is by how much they lowered the objective."""
@@ -234,7 +237,7 @@ class JointFit:
 
     def keep(self, n: int) -> JointFit:
         """Drop all but the best starts."""
-        self._search.tracks = sorted(self._search.tracks, key=lambda track: track.cost)[:n]
+        self._search.tracks = self._ordered[:n]
         return self
 
     def hypothesis(self) -> Hypothesis:

@@ -20,7 +20,8 @@ from errorscreen.effects.base import Effect
 from errorscreen.observations import Observation
 from errorscreen.simulators.base import Simulator
 
-#: what is not lower by this much is not lower
+#: an effect that does not promise to lower the objective by this much is not fitted beside parameters that suffice, and
+#: a fit that is not lower by it does not take the place of another one
 WORTH = 4.0
 #: what leaves more than this share of what parameters leave is not worth it
 PART = 0.5
@@ -200,7 +201,7 @@ class Refinement(Standings):
     def _everywhere(self, hypothesis: Hypothesis, times: int = 1) -> Hypothesis:
         """Fit a hypothesis from all over the ranges, up to so many times in all; what is best takes its place."""
         number = self._spread_out[hypothesis.name]
-        if number == times:
+        if number >= times:
             return hypothesis
         self._spread_out[hypothesis.name] += 1
         self.tell(f"other starts of {hypothesis.name}")

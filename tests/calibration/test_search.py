@@ -185,3 +185,22 @@ def test_nearly_collinear_parameters_do_not_break_it():
     assert search.best.state == "converged"
     # the smallest deviation with the measured sum
     np.testing.assert_allclose(search.best.u, np.array([1, -2, 0]) * 0.1 / 5, atol=1e-6)
+
+
+def test_points_scatter_as_far_as_a_linear_model_leaves_them_free():
+    A = np.array([[3.0, 1.0], [0.0, 0.5]])
+    search = BoundedSearch(lambda u: u @ A.T, [-50.0, -50.0], [50.0, 50.0], prior=2.0, tol=1e-6, step=1e-4)
+    search.begin([[0.3, 0.1]])
+    search.differentiate(search.tracks)
+    points = search.scattered(search.tracks[0], np.full(20000, 3.0), 0)
+    expected = 9.0 * np.linalg.inv(A.T @ A + np.eye(2) / 4.0)
+    np.testing.assert_allclose(np.cov(points.T), expected, rtol=0.05)
+    np.testing.assert_allclose(points.mean(axis=0), [0.3, 0.1], atol=0.1)
+
+
+def test_points_scatter_inside_the_bounds():
+    search = BoundedSearch(lambda u: 0.1 * u, [-1.0, -1.0], [1.0, 2.0], prior=10.0, tol=1e-6, step=1e-4)
+    search.begin([[0.9, -0.9]])
+    search.iterate()
+    points = search.scattered(search.tracks[0], np.linspace(0.1, 5.0, 50), 0)
+    assert np.all((points >= [-1.0, -1.0]) & (points <= [1.0, 2.0]))

@@ -126,3 +126,13 @@ def test_a_second_effect_that_no_signature_promises_is_found_by_growing_fits(mon
     assert any("growing fits" in line for line in lines)
     assert {e.name for e in found.adequate[0].effects} == set(NAMES)
     assert found.adequate[0].theta[:2] == pytest.approx([0.45, 4.4], rel=0.05)
+
+
+def test_other_starts_are_tried_so_many_times_in_all_and_no_more(spring):
+    simulator, observation = spring
+    found = competition(simulator, observation)
+    lines = []
+    found.tell = lines.append
+    for times in (1, 1, 3, 3, 1):
+        found._everywhere(found.base, times)
+    assert lines.count("other starts of parameters") == 3

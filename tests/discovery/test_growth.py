@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.calibration.search import BoundedSearch
 from errorscreen.discovery.growth import Growth, begun, outgrown
 from errorscreen.discovery.hypotheses import JointFit, fit_hypothesis
 from errorscreen.events import InputSignal
@@ -87,25 +86,6 @@ def test_what_shows_late_is_tried_all_over_again_when_it_shows():
     cloud = problem.values(fit.scattered(np.full(64, 1.0), 0)[0])
     assert np.ptp(cloud[:, 0]) < 0.02
     assert np.ptp(cloud[:, 2]) > 1.0
-
-
-def test_points_scatter_as_far_as_a_linear_model_leaves_them_free():
-    A = np.array([[3.0, 1.0], [0.0, 0.5]])
-    search = BoundedSearch(lambda u: u @ A.T, [-50.0, -50.0], [50.0, 50.0], prior=2.0, tol=1e-6, step=1e-4)
-    search.begin([[0.3, 0.1]])
-    search.differentiate(search.tracks)
-    points = search.scattered(search.tracks[0], np.full(20000, 3.0), 0)
-    expected = 9.0 * np.linalg.inv(A.T @ A + np.eye(2) / 4.0)
-    np.testing.assert_allclose(np.cov(points.T), expected, rtol=0.05)
-    np.testing.assert_allclose(points.mean(axis=0), [0.3, 0.1], atol=0.1)
-
-
-def test_points_scatter_inside_the_bounds():
-    search = BoundedSearch(lambda u: 0.1 * u, [-1.0, -1.0], [1.0, 2.0], prior=10.0, tol=1e-6, step=1e-4)
-    search.begin([[0.9, -0.9]])
-    search.iterate()
-    points = search.scattered(search.tracks[0], np.linspace(0.1, 5.0, 50), 0)
-    assert np.all((points >= [-1.0, -1.0]) & (points <= [1.0, 2.0]))
 
 
 def test_half_of_the_starts_are_near_what_is_fitted_of_an_effect(spring):
