@@ -33,7 +33,7 @@ _TEMPLATE = '''\
 import numba
 import numpy as np
 
-from errorscreen.engine.rk4 import correct, load, predict, store
+from errorscreen.engine.rk4 import correct, load, place, predict, store
 {imports}
 
 {compiled}
@@ -63,13 +63,13 @@ def integrate(
         load(b, x0, block, {lanes}, 0)
         load(b, constants, block, {lanes}, {constants})
         load(b, memories, block, {lanes}, {memories})
-        for step in range(segment.size):
-            s = segment[step]
+        for step in range(segment.shape[1]):
+            {tables}
             evaluate(lanes, b, u, 2 * step, tables, s, on)
             sample(lanes, b, u, 2 * step, tables, s, on)
             if step % every == 0:
                 store(out, b, block, {lanes}, rows, step // every)
-            if step + 1 == segment.size:
+            if step + 1 == segment.shape[1]:
                 break
             predict(b, spans, active, {lanes}, {shift}, 0.5 * h, 1.0, True)
             evaluate(lanes, b, u, 2 * step + 1, tables, s, on)
@@ -83,9 +83,10 @@ def integrate(
 
 @dataclass(frozen=True)
 class Layout:
-    """Rows of the buffer: states, derivatives, start values, sums, constants, memories, signals.
+    """Rows of the buffer: states, derivatives, start values, sums, constants, memories, signals, tables.
 
-    States that belong to a switch lie behind the others, in the order of `Model.gated`.
+    States that belong to a switch lie behind the others, in the order of `Model.gated`. Tables have rows only where
+    each simulation has its own; `size` is without them.
     """
 
     rows: dict[str, int]
@@ -113,7 +114,7 @@ class Layout:
         return cls(rows, tuple(states), tuple(spans), constants, memories, constants + len(rows) - 2 * nx)
 
 
-def _loop(call: Call, model: Model, layout: Layout, lanes: int, symbol: str) -> str:
+def _loop(call: Call, model: Model, layout: Layout, lanes: int, own_tables: bool, symbol: str) -> str:
     """Source of one call over all lanes.
 
     The number of lanes comes as an argument, or LLVM would unroll the loop before it makes vector instructions of it;
@@ -124,7 +125,8 @@ def _loop(call: Call, model: Model, layout: Layout, lanes: int, symbol: str) -> 
         if name in model.inputs:
             return f"u{model.inputs.index(name)}"
         if name in model.tables:
-            return f"t{model.tables.index(name)}"
+            number = model.tables.index(name)
+            return f"b[{(layout.size + number) * lanes} + k]" if own_tables else f"t{number}"
         return f"b[{layout.rows[name] * lanes} + k]"
 
     results = ", ".join(f"r{i}" for i in range(len(call.writes)))
@@ -137,8 +139,11 @@ def _loop(call: Call, model: Model, layout: Layout, lanes: int, symbol: str) -> 
     return "\n".join("    " + line for line in lines)
 
 
-def source(model: Model, lanes: int) -> str:
-    """Text of the module for `lanes` simulations side by side."""
+def source(model: Model, lanes: int, own_tables: bool = False) -> str:
+    """Text of the module for `lanes` simulations side by side, which share their tables or have each their own.
+
+    What is shared stays in registers or is read once for all lanes.
+    """
     layout = Layout.of(model)
     functions = list(dict.fromkeys(call.function for call in model.calls))
     symbol = {function: f"f{i}" for i, function in enumerate(functions)}
@@ -150,19 +155,22 @@ def source(model: Model, lanes: int) -> str:
     )
     loops: dict[bool, list[str]] = {False: [], True: []}
     for call in model.calls:
-        loops[call.each_step].append(_loop(call, model, layout, lanes, symbol[call.function]))
+        loops[call.each_step].append(_loop(call, model, layout, lanes, own_tables, symbol[call.function]))
     return _TEMPLATE.format(
         name=model.name,
         imports=imports,
         compiled=compiled,
         inputs="\n".join(
             [f"    u{i} = u[j, {i}]" for i in range(len(model.inputs))]
-            + [f"    t{i} = tables[s, {i}]" for i in range(len(model.tables))]
+            + [f"    t{i} = tables[s, {i}]" for i in range(0 if own_tables else len(model.tables))]
         )
         or "    pass",
         evaluate="\n".join(loops[False]) or "    pass",
         sample="\n".join(loops[True]) or "    pass",
-        size=layout.size * lanes,
+        tables=f"s = 0\n            place(b, tables, segment, block, {lanes}, {layout.size}, step)"
+        if own_tables
+        else "s = segment[0, step]",
+        size=(layout.size + own_tables * len(model.tables)) * lanes,
         lanes=lanes,
         shift=len(layout.states),
         constants=layout.constants,
@@ -216,9 +224,9 @@ def fingerprint_of(modules: Iterable[ModuleType], text: str) -> str:
     return digest.hexdigest()[:16]
 
 
-def load_module(model: Model, lanes: int) -> ModuleType:
-    """Write the generated module where it is missing or differs, and import it."""
-    text = source(model, lanes)
+def load_module(model: Model, lanes: int, own_tables: bool = False) -> ModuleType:
+    """Write the generated module where it is missing or differs, and import it; see `source`."""
+    text = source(model, lanes, own_tables)
     return load_generated(f"model_{fingerprint(model, text)}_{lanes}", text)
 
 

@@ -7,6 +7,7 @@ so large that 32 would fill the processor's nearest caches.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -24,6 +25,8 @@ LANES, FEW_LANES = 32, 8
 LARGE, SMALL_BATCH = 512, 16
 #: most simulations of a task: a thread that was held up leaves the rest to the others
 _TASK = 64
+#: relative change of a state in a step that is none: what rounding leaves of an equilibrium
+_STILL = 1e-9
 
 
 class Engine:
@@ -51,17 +54,18 @@ class Engine:
         self.model = model
         self.layout = Layout.of(model)
         self.n_threads = n_threads
-        self._kernels: dict[int, Any] = {}
+        self._kernels: dict[tuple[int, bool], Any] = {}
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave compiled code behind: another process finds it in the cache."""
         return {**self.__dict__, "_kernels": {}}
 
-    def _kernel(self, lanes: int) -> Any:
-        """Compiled integrator for so many lanes."""
-        if lanes not in self._kernels:
-            self._kernels[lanes] = load_module(self.model, lanes).integrate
-        return self._kernels[lanes]
+    def _kernel(self, lanes: int, own_tables: bool) -> Any:
+        """Compiled integrator for so many lanes, which share their tables or have each their own."""
+        key = lanes, own_tables
+        if key not in self._kernels:
+            self._kernels[key] = load_module(self.model, lanes, own_tables).integrate
+        return self._kernels[key]
 
     def integrate(
         self,
@@ -74,6 +78,7 @@ class Engine:
         memories: NDArray[np.float64] | None = None,
         tables: NDArray[np.float64] | None = None,
         segment: NDArray[np.int64] | None = None,
+        record: Sequence[str] | None = None,
     ) -> NDArray[np.float64]:
         """Integrate and record the outputs.
 
@@ -92,14 +97,17 @@ class Engine:
             Start values of what sampled calls remember.
         tables : ndarray of shape (n_segments, n_tables), optional
             Values of ``model.tables`` in each segment of the event.
-        segment : ndarray of shape (n_steps + 1,), int, optional
+        segment : ndarray of shape (n_steps + 1,) or (n, n_steps + 1), int, optional
             Row of `tables` that holds **throughout** each step, its end included, so that an instant at which the
             tables change splits two steps and the method keeps its order; the last entry is for the last record. What
-            is recorded at such an instant is the value just after it. All zero where not given.
+            is recorded at such an instant is the value just after it. All zero where not given. With two dimensions
+            each simulation has its own course of the event.
+        record : sequence of str, optional
+            Names of the R quantities that are recorded; ``model.outputs`` where not given.
 
         Returns
         -------
-        ndarray of shape (n, n_outputs, n_steps // every + 1)
+        ndarray of shape (n, R, n_steps // every + 1)
             A simulation that diverges holds values that are not finite.
         """
         n = len(x0)
@@ -111,8 +119,9 @@ class Engine:
         on = self._any_in_block(constants, model.switches, blocks, lanes)
         active = np.ones((blocks, len(layout.spans)), dtype=bool)
         active[:, 1:] = self._any_in_block(constants, tuple(s for s, _ in model.gated), blocks, lanes)
-        tables, segment = _segments(model, len(u) // 2, tables, segment)
-        out = np.full((n, len(model.outputs), (len(u) // 2) // every + 1), np.nan)
+        tables, segment = _segments(model, n, len(u) // 2, tables, segment)
+        record = model.outputs if record is None else record
+        out = np.full((n, len(record), (len(u) // 2) // every + 1), np.nan)
         arguments = (
             np.uint64(lanes),
             np.ascontiguousarray(x0[:, order]),
@@ -125,12 +134,37 @@ class Engine:
             int(every),
             np.array(layout.spans, dtype=np.int64).reshape(-1, 2),
             active,
-            np.array([layout.rows[name] for name in model.outputs], dtype=np.int64),
+            np.array([layout.rows[name] for name in record], dtype=np.int64),
             on,
             out,
         )
-        self._run(self._kernel(lanes), arguments, blocks, _TASK // lanes)
+        self._run(self._kernel(lanes, len(segment) > 1), arguments, blocks, _TASK // lanes)
         return out
+
+    def at_rest(
+        self,
+        x0: NDArray[np.float64],
+        constants: NDArray[np.float64],
+        *,
+        h: float,
+        tables: NDArray[np.float64] | None = None,
+    ) -> NDArray[np.bool_]:
+        """Whether a step without inputs and memories changes no state, so that none ever will.
+
+        Clocks are states: where one runs, something may still happen.
+
+        Parameters
+        ----------
+        x0, constants, h
+            See `integrate`.
+        tables : ndarray of shape (1, n_tables), optional
+
+        Returns
+        -------
+        ndarray of shape (n,), bool
+        """
+        x = self.integrate(x0, constants, np.zeros((3, 0)), h=h, tables=tables, record=self.model.states)
+        return np.asarray((np.abs(np.diff(x)[..., 0]) <= _STILL * np.maximum(1.0, np.abs(x0))).all(axis=1))
 
     def _lanes(self, n: int) -> int:
         """Lanes for a batch of `n` simulations."""
@@ -170,20 +204,23 @@ class ReferenceEngine(Engine):
         memories: NDArray[np.float64] | None = None,
         tables: NDArray[np.float64] | None = None,
         segment: NDArray[np.int64] | None = None,
+        record: Sequence[str] | None = None,
     ) -> NDArray[np.float64]:
         """Integrate and record the outputs; see `Engine.integrate`."""
         model, n = self.model, len(x0)
         b = self._named(x0, constants, memories)
         steps = len(u) // 2
-        tables, segment = _segments(model, steps, tables, segment)
-        out = np.full((n, len(model.outputs), steps // every + 1), np.nan)
+        tables, segment = _segments(model, n, steps, tables, segment)
+        record = model.outputs if record is None else record
+        out = np.full((n, len(record), steps // every + 1), np.nan)
         with np.errstate(all="ignore"):  # divergence is data: it shows as values that are not finite
             for step in range(steps + 1):
-                self._set(b, model.tables, tables[segment[step]])
+                holding = tables[segment[:, step]].T
+                b |= {name: np.resize(row, n) for name, row in zip(model.tables, holding, strict=True)}
                 f1 = self._derivatives(b, u[2 * step])
                 self._evaluate(b, u[2 * step], each_step=True)
                 if step % every == 0:
-                    out[:, :, step // every] = np.array([b[name] for name in model.outputs]).T
+                    out[:, :, step // every] = np.array([b[name] for name in record]).T
                 if step == steps:
                     break
                 start = {name: b[name] for name in model.states}
@@ -248,21 +285,23 @@ class ReferenceEngine(Engine):
 
 
 def _segments(
-    model: Model, steps: int, tables: NDArray[np.float64] | None, segment: NDArray[np.int64] | None
+    model: Model, n: int, steps: int, tables: NDArray[np.float64] | None, segment: NDArray[np.int64] | None
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Tables and the row of each step, checked: compiled code does not look for the end of an array."""
+    """Tables and the row of each step (1 or n, n_steps + 1), checked: compiled code looks for no end of an array."""
     tables = np.ascontiguousarray(np.zeros((1, 0)) if tables is None else tables, dtype=float)
     segment = np.ascontiguousarray(np.zeros(steps + 1) if segment is None else segment, dtype=np.int64)
+    segment = np.atleast_2d(segment)
     if tables.ndim != 2 or tables.shape[1] != len(model.tables):
         raise InputError(
             f"the tables have shape {tables.shape}",
             where=f"model {model.name!r}",
             allowed=f"(number of segments, {len(model.tables)})",
         )
-    if segment.shape != (steps + 1,) or not np.all((segment >= 0) & (segment < len(tables))):
+    fits = segment.shape[1:] == (steps + 1,) and len(segment) in (1, n)
+    if not fits or not np.all((segment >= 0) & (segment < len(tables))):
         raise InputError(
             f"the segments have shape {segment.shape} or name rows that the tables do not have",
             where=f"model {model.name!r}",
-            allowed=f"{steps + 1} integers from 0 to {len(tables) - 1}",
+            allowed=f"{steps + 1} integers from 0 to {len(tables) - 1}, for all simulations or for each of {n}",
         )
     return tables, segment

@@ -26,6 +26,16 @@ def load(b, values, block, lanes, first_row):
 
 
 @numba.njit(error_model="numpy", forceinline=True)
+def place(b, tables, segment, block, lanes, first_row, step):
+    """Copy the tables (m, rows) that hold in a step into the buffer, for each simulation its own where they change."""
+    for k in range(lanes):
+        i = min(block * lanes + k, segment.shape[0] - 1)
+        if step == 0 or segment[i, step] != segment[i, step - 1]:
+            for r in range(tables.shape[1]):
+                b[(first_row + r) * lanes + k] = tables[segment[i, step], r]
+
+
+@numba.njit(error_model="numpy", forceinline=True)
 def store(out, b, block, lanes, rows, column):
     """Copy recorded rows of a block to ``out[simulation, row, column]``."""
     n = out.shape[0]

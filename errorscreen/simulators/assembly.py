@@ -167,8 +167,9 @@ def start_effects(
     start: Values = {}
     for effect in effects:
         given = {p.name: values[effect.local(p.name)] for p in effect.parameters}
-        found = effect.initialise({**own(effect), **given}, h)
         zero = np.zeros_like(given[effect.strength.name])
+        # one that is off in all simulations is not evaluated
+        found = effect.initialise({**own(effect), **given}, h) if given[effect.strength.name].any() else {}
         start |= {effect.local(n): found.get(n, 0.0) + zero for n in (*effect.derived, *effect.states)}
     return start
 

@@ -44,6 +44,7 @@ def what_happened(
 def tables_in_time(
     event: GridEvent,
     network: Network,
+    before: NDArray[np.float64],
     table: Callable[[Network], NDArray[np.float64]],
     h: float,
     steps: int,
@@ -60,6 +61,8 @@ def tables_in_time(
     event : GridEvent
     network : Network
         Before the event.
+    before : ndarray of shape (n_tables,)
+        Its table.
     table : callable
         Table of one state of the grid.
     h : float
@@ -80,7 +83,7 @@ def tables_in_time(
         If an instant that must be exact is no multiple of the step.
     """
     segment = np.zeros(steps + 1, dtype=np.int64)
-    tables = [table(network)]
+    tables = [before]
     for instant, changed in event.changes(network):
         position = (instant - event.time[0]) / h
         first = round(position)
@@ -91,13 +94,14 @@ def tables_in_time(
                 allowed=f"multiples of {h:g} s after {event.time[0]:g} s",
                 remedy="Move the instant, or choose another step",
             )
-        before, after = tables[-1], table(changed)
+        last = tables[-1]
+        after = before if changed is network else table(changed)
         if abs(first - position) > 1e-6:
             first = int(np.floor(position))
             share = position - first
             if 0 <= first <= steps:
                 segment[first] = len(tables)
-            tables.append(share * before + (1 - share) * after)
+            tables.append(share * last + (1 - share) * after)
             first += 1
         segment[max(first, 0) :] = len(tables)
         tables.append(after)
@@ -111,6 +115,12 @@ def steps_at_rest(segment: NDArray[np.int64], every: int) -> int:
     change is left, because what is recorded at the change belongs to after it. 0 where the grid never changes, so that
     a run without any event still shows whether it stays where it is.
 
+    Parameters
+    ----------
+    segment : ndarray of shape (..., n_steps + 1)
+        For several simulations, those that are at rest in all of them.
+    every : int
+
     Examples
     --------
     >>> steps_at_rest(np.array([0, 0, 0, 0, 1, 2]), every=2)
@@ -121,5 +131,5 @@ def steps_at_rest(segment: NDArray[np.int64], every: int) -> int:
     >>> steps_at_rest(np.array([1, 1, 1, 1, 2, 2]), every=1)
     0
     """
-    changed = segment > 0
+    changed = (segment > 0).reshape(-1, segment.shape[-1]).any(axis=0)
     return max(0, (int(changed.argmax()) // every - 1) * every) if changed.any() else 0

@@ -248,8 +248,9 @@ class PlantSimulator(Simulator):
         x0, constants, start, _, h, every = self._prepared(self.parameters.validate(theta), event, self.step)
         if not start.all():
             return {}
-        engine = ReferenceEngine(replace(self._engine.model, outputs=self.device.states))
-        out = engine.integrate(x0, constants, self._injected(event, every, "pchip"), h=h, every=every)
+        out = self._engine.integrate(
+            x0, constants, self._injected(event, every, "pchip"), h=h, every=every, record=self.device.states
+        )
         return dict(zip(self.device.states, out[0], strict=True))
 
     def _prepared(

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -31,6 +30,8 @@ from errorscreen.simulators.recent import Recent
 
 #: a channel beyond this is not that of a grid, in pu
 _PLAUSIBLE = 1e3
+#: states of the grid that are remembered while the courses of an event are made
+_REMEMBERED = 4
 
 Values = dict[str, NDArray[np.float64]]
 
@@ -195,37 +196,28 @@ class PowerSystemSimulator(Simulator):
                 allowed="BusFault, LineTrip, LoadStep, GridEvent",
             )
         theta = self.parameters.validate(theta)
-        altering = [e for e in self.extensions if e.kind == "event" and e.acts_in(event)]
-        if not altering:
-            return self._run(theta, event, event)
-        event.changes(self._flow(event).network)  # what is on record must be possible
-        values = np.full((len(theta), len(self.channels), len(event.time)), np.nan)
-        status = np.full(len(theta), Status.FAILED, dtype=np.int64)
-        for rows, happened in what_happened(event, altering, theta, self.parameters):
-            with contextlib.suppress(InputError):  # two branches opened can leave an island
-                part = self._run(theta[rows], event, happened)
-                values[rows], status[rows] = part.values, part.status
-        return Responses(values, status, event.time, self.channels)
-
-    def _run(self, theta: NDArray[np.float64], event: GridEvent, happened: GridEvent) -> Responses:
-        """Simulate rows to which the same happened, which may differ from the event on record."""
         x0, constants, start, values, h, every = self._prepared(theta, event)
-        tables, segment = self._course(event, happened, h, every)
-        names, steps = self._engine.model.constants, every * (len(event.time) - 1)
+        tables, segment, possible = self._courses(theta, event, h, every)
+        start &= possible
+        steps = every * (len(event.time) - 1)
         # a measurement sees every step, and not only the instants that are compared
         present = self._present(event)
         distorted = any(effect.kind == "measurement" for effect in present)
         record = 1 if distorted else every
         out = np.full((len(theta), len(self.channels), steps // record + 1), np.nan)
-        # nothing moves before the event, unless an effect acts that may move things by itself
-        wait = steps_at_rest(segment, every)
-        acting = (constants[:, [names.index(s) for s in self._engine.model.switches]] != 0).any(axis=1)
+        # nothing moves before the event, unless an effect moves things by itself
+        wait, model = steps_at_rest(segment, every), self._engine.model
+        acting = (constants[:, [model.constants.index(s) for s in model.switches]] != 0).any(axis=1)
         resting = ~acting & (wait > 0)
+        asked = start & acting & (wait > 0)
+        if asked.any():
+            resting[asked] = self._engine.at_rest(x0[asked], constants[asked], h=h, tables=tables[:1])
         for rows, skipped in ((start & resting, wait), (start & ~resting, 0)):
             if rows.any():
+                own = segment if segment.ndim == 1 else segment[rows]
                 part = self._engine.integrate(
                     x0[rows], constants[rows], np.zeros((2 * (steps - skipped) + 1, 0)),
-                    h=h, every=record, tables=tables, segment=segment[skipped:],
+                    h=h, every=record, tables=tables, segment=own[..., skipped:],
                 )  # fmt: skip
                 out[rows, :, : skipped // record] = part[:, :, :1]
                 out[rows, :, skipped // record :] = part
@@ -235,6 +227,7 @@ class PowerSystemSimulator(Simulator):
             well = (np.abs(out) < _PLAUSIBLE).all(axis=(1, 2))
         out[~well] = np.nan
         status = np.where(start, np.where(well, Status.OK, Status.DIVERGED), Status.NO_EQUILIBRIUM)
+        status[~possible] = Status.FAILED
         return Responses(out, status.astype(np.int64), event.time, self.channels)
 
     def trajectories(
@@ -251,30 +244,66 @@ class PowerSystemSimulator(Simulator):
         x0, constants, start, _, h, every = self._prepared(self.parameters.validate(theta), event)
         if not start.all() or not own:
             return {}
-        engine = ReferenceEngine(replace(self._engine.model, outputs=tuple(own)))
-        tables, segment = self._course(event, event, h, every)
+        tables, segment = self._course(event, h, every)
         steps = every * (len(event.time) - 1)
-        out = engine.integrate(
-            x0, constants, np.zeros((2 * steps + 1, 0)), h=h, every=every, tables=tables, segment=segment
-        )
+        out = self._engine.integrate(
+            x0, constants, np.zeros((2 * steps + 1, 0)),
+            h=h, every=every, tables=tables, segment=segment, record=own,
+        )  # fmt: skip
         return {name.removeprefix(f"{device}."): row for name, row in zip(own, out[0], strict=True)}
 
+    def _courses(
+        self, theta: NDArray[np.float64], event: GridEvent, h: float, every: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.bool_]]:
+        """States of the grid, which of them holds in each step of each row, and rows to which this can happen."""
+        altering = [e for e in self.extensions if e.kind == "event" and e.acts_in(event)]
+        tables, segment = self._course(event, h, every)  # what is on record must be possible
+        possible = np.ones(len(theta), dtype=bool)
+        if not altering:
+            return tables, segment, possible
+        network, table = self._flow(event).network, self._table(event)
+        known: list[tuple[Network, NDArray[np.float64]]] = []
+
+        def remembered(wanted: Network) -> NDArray[np.float64]:
+            """Table of a grid; a fault that only lasts longer leads to the same grids again."""
+            found = next((values for grid, values in known if grid == wanted), None)
+            if found is None:
+                found = table(wanted)
+                known.insert(0, (wanted, found))
+                del known[_REMEMBERED:]
+            return found
+
+        pool, segments = [tables[:1]], np.zeros((len(theta), len(segment)), dtype=np.int64)
+        for rows, happened in what_happened(event, altering, theta, self.parameters):
+            try:
+                own, segment = tables_in_time(
+                    happened, network, tables[0], remembered, h, len(segment) - 1, exact=False
+                )
+            except InputError:  # two branches opened can leave an island
+                possible[rows] = False
+                continue
+            # the grid before the event is common to all
+            segments[rows] = np.where(segment > 0, segment + sum(map(len, pool)) - 1, 0)
+            pool.append(own[1:])
+        return np.concatenate(pool), segments, possible
+
     def _course(
-        self, event: GridEvent, happened: GridEvent, h: float, every: int
+        self, event: GridEvent, h: float, every: int
     ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """States of the grid, and which of them holds in each step."""
-        flow, steps, exact = self._flow(event), every * (len(event.time) - 1), happened is event
+        """States of the grid on record, and which of them holds in each step."""
 
         def course() -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-            def table(network: Network) -> NDArray[np.float64]:
-                return self._grid.table(self._reduced(flow, network))
+            network, table = self._flow(event).network, self._table(event)
+            steps = every * (len(event.time) - 1)
+            return tables_in_time(event, network, table(network), table, h, steps, exact=True)
 
-            return tables_in_time(happened, flow.network, table, h, steps, exact=exact)
-
-        found: tuple[NDArray[np.float64], NDArray[np.int64]] = (
-            self._recent.get((event, h), course) if exact else course()
-        )
+        found: tuple[NDArray[np.float64], NDArray[np.int64]] = self._recent.get((event, h), course)
         return found
+
+    def _table(self, event: GridEvent) -> Callable[[Network], NDArray[np.float64]]:
+        """What gives the table of a state of the grid, with loads that draw their power before an event."""
+        flow = self._flow(event)
+        return lambda network: self._grid.table(self._reduced(flow, network))
 
     def _prepared(
         self, theta: NDArray[np.float64], event: GridEvent

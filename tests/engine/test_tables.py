@@ -55,6 +55,39 @@ def test_numpy_few_lanes_and_many_agree_bit_for_bit():
         assert np.array_equal(pulse(Engine(LAG), T[i], 40, 0.25, 0.5)[0], together[i])
 
 
+def test_each_simulation_can_have_its_own_course_of_the_event():
+    rng = np.random.default_rng(0)
+    T = rng.uniform(0.05, 2, (37, 1))
+    segment = np.sort(rng.integers(0, 3, (37, 41)), axis=1)
+    options = {"h": 1 / 40, "every": 2, "tables": PULSE}
+    u = np.zeros((81, 0))
+    together = Engine(LAG).integrate(np.zeros_like(T), T, u, segment=segment, **options)
+    reference = ReferenceEngine(LAG).integrate(np.zeros_like(T), T, u, segment=segment, **options)
+    assert np.array_equal(together, reference)
+    for i in (0, 17, 36):
+        alone = Engine(LAG).integrate(np.zeros((1, 1)), T[i : i + 1], u, segment=segment[i], **options)
+        assert np.array_equal(alone[0], together[i])
+    few = Engine(LAG, n_threads=2).integrate(
+        np.zeros((9, 1)), T[:9], u, segment=np.tile(segment[3], (9, 1)), **options
+    )
+    shared = Engine(LAG).integrate(np.zeros((9, 1)), T[:9], u, segment=segment[3], **options)
+    assert np.array_equal(few, shared)
+
+
+def test_what_is_recorded_can_be_chosen():
+    options = {"h": 0.1, "tables": PULSE, "segment": [0, 1, 1, 1, 2]}
+    for engine in (Engine(LAG), ReferenceEngine(LAG)):
+        both = engine.integrate(np.ones((3, 1)), np.ones((3, 1)), np.zeros((9, 0)), **options)
+        one = engine.integrate(np.ones((3, 1)), np.ones((3, 1)), np.zeros((9, 0)), record=("x",), **options)
+        assert np.array_equal(one, both[:, :1])
+
+
+def test_what_moves_in_a_step_is_not_at_rest():
+    x0 = np.array([[1.0], [1.0 + 1e-6], [np.nan], [1.0]])
+    still = Engine(LAG).at_rest(x0, np.ones((4, 1)), h=0.1, tables=PULSE[1:2])
+    assert still.tolist() == [True, False, False, True]
+
+
 def test_derivatives_and_state_matrix_take_tables():
     slope = ReferenceEngine(LAG).derivatives(np.zeros((1, 1)), np.ones((1, 1)), np.zeros(0), np.array([3.0]))
     assert slope == 3.0
@@ -71,6 +104,7 @@ def test_derivatives_and_state_matrix_take_tables():
             r"the tables have shape \(2, 3\).*Allowed: \(number of segments, 1\)",
         ),
         (PULSE, np.zeros(4), "Allowed: 5 integers from 0 to 2"),
+        (PULSE, np.zeros((2, 5)), "for all simulations or for each of 1"),
         (PULSE, [0, 0, 3, 0, 0], "rows that the tables do not have"),
         (PULSE, [0, 0, -1, 0, 0], "rows that the tables do not have"),
     ],

@@ -59,17 +59,15 @@ def test_the_grid_of_a_recorded_event_is_reduced_once(monkeypatch):
     monkeypatch.setattr(power_system, "reduce_network", counted)
     theta = random_rows(simulator, 2)
     first = simulator.simulate(theta).values
-    assert len(count) == 3  # before, during and after the fault
+    assert len(count) == 2  # during the fault, and before as after it
     assert np.array_equal(simulator.simulate(theta).values, first)
-    assert len(count) == 3
-    # another step has other tables, and what is not on record is reduced each time
+    assert len(count) == 2
+    # another step has other tables
     simulator.with_step_of(simulator.refined(2)).simulate(theta)
-    assert len(count) == 6
+    assert len(count) == 4
     longer = simulator.extend("fault_duration")
-    for _ in range(2):
-        before = len(count)
-        longer.simulate(np.append(theta[0], 0.02))
-        assert len(count) == before + 3
+    longer.simulate(np.c_[np.tile(theta[0], (5, 1)), np.arange(5) * 0.01])
+    assert len(count) == 5  # a fault that lasts longer is the same grid
 
 
 def test_contract():
@@ -128,6 +126,38 @@ def test_the_wait_for_an_event_is_not_integrated(start, effects, monkeypatch):
         assert np.array_equal(quick, whole)
     assert np.ptp(quick[:, :, : max(1, round(start / 0.01) - 1)], axis=2).max() == 0
     assert np.ptp(quick, axis=2).min() > 0.02
+
+
+@pytest.mark.parametrize(
+    "effects", [("fault_duration",), ("trip_2_3", "fault_impedance", "pv_plant.ramp")], ids=str
+)
+@pytest.mark.parametrize("engine", ["compiled", "numpy"])
+def test_rows_to_which_something_else_happened_are_simulated_together(effects, engine):
+    simulator = system(replace(FAULT, time=TIME[:81]), engine=engine)
+    for name in effects:
+        simulator = simulator.extend(name)
+    theta = random_rows(simulator, 11)
+    theta[3, -1] = 0.0
+    together = simulator.simulate(theta).require_ok().values
+    alone = [simulator.simulate(row).values[0] for row in theta]
+    assert np.array_equal(together, alone)
+    assert np.ptp(together, axis=0).max() > 0.01
+
+
+def test_an_effect_that_moves_nothing_before_the_event_waits_for_it_too(monkeypatch):
+    simulator = system().extend("pv_plant.ramp").extend("synchronous_machine.exciter")
+    theta, waits = random_rows(simulator, 5), []
+    integrate = simulator._engine.integrate
+
+    def watched(x0, constants, u, **options):
+        waits.append(len(u) // 2)
+        return integrate(x0, constants, u, **options)
+
+    monkeypatch.setattr(simulator._engine, "integrate", watched)
+    quick = simulator.simulate(theta).require_ok().values
+    assert waits == [1, (len(TIME) - 1 - round(FAULT.start / 0.01) + 1) * 4]
+    monkeypatch.setattr(power_system, "steps_at_rest", lambda segment, every: 0)
+    assert np.abs(quick - simulator.simulate(theta).values).max() < 1e-8
 
 
 def test_an_effect_that_may_act_before_the_event_is_integrated_from_the_start():
