@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,7 @@ from errorscreen.effects.base import Effect
 from errorscreen.exceptions import SimulationError
 from errorscreen.parameters import Parameter, ParameterSpace
 from errorscreen.sampling import generator, latin_hypercube
+from errorscreen.threads import side_by_side
 
 #: parts of the recordings, as shares of what follows the event, which share of the starts goes on to each, and for how
 #: many iterations
@@ -139,7 +141,7 @@ def begun(
     return Growth(effects, problem, u[np.arange(n), objective.argmin(axis=1)], rng)
 
 
-def outgrown(fits: Iterable[Callable[[int], Growth]], n: int) -> Sequence[JointFit]:
+def outgrown(fits: Iterable[Callable[[int], Growth]], n: int, threads: int = 1) -> Sequence[JointFit]:
     """Let fits grow side by side, and fit those that get furthest to all of the recordings.
 
     All begin with few starts, and those that lead begin once more with many.
@@ -150,19 +152,18 @@ def outgrown(fits: Iterable[Callable[[int], Growth]], n: int) -> Sequence[JointF
         Begin one with so many starts.
     n : int
         How many are fitted to the end.
+    threads : int
+        Of which each has one fit at a time.
     """
     begin, grown = list(fits), []
     for starts, cuts in _RACE:
-        running = [(fit, fit(starts)) for fit in begin]
+        grown = side_by_side([partial(fit, starts) for fit in begin], threads)
         for parts, kept in cuts:
-            running = [(fit, growth) for fit, growth in running if _runs(growth, parts)]
-            running = sorted(running, key=lambda pair: pair[1].objective)[: kept * n]
-        begin, grown = [fit for fit, _ in running], [growth for _, growth in running]
-    ended = []
-    for growth in grown:
-        with contextlib.suppress(SimulationError):
-            ended.append(halved(growth.effects, growth.problem, growth.reached))
-    return race(ended)
+            well = side_by_side([partial(_runs, growth, parts) for growth in grown], threads)
+            order = sorted(np.flatnonzero(well), key=lambda i: grown[i].objective)[: kept * n]
+            begin, grown = [begin[i] for i in order], [grown[i] for i in order]
+    ended = side_by_side([partial(_ended, growth) for growth in grown], threads)
+    return race([fit for fit in ended if fit is not None])
 
 
 def _runs(growth: Growth, parts: int) -> bool:
@@ -171,6 +172,13 @@ def _runs(growth: Growth, parts: int) -> bool:
         growth.run(parts)
         return True
     return False
+
+
+def _ended(growth: Growth) -> JointFit | None:
+    """Fit to all of the recordings from where one has got to, if that can be simulated."""
+    with contextlib.suppress(SimulationError):
+        return halved(growth.effects, growth.problem, growth.reached)
+    return None
 
 
 def _values(

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,7 @@ from errorscreen.events import Event
 from errorscreen.observations import Observation
 from errorscreen.simulators.base import Simulator
 from errorscreen.simulators.injection_noise import typical
+from errorscreen.threads import side_by_side
 
 #: standard deviation of the prior in multiples of each parameter's scale, as `MAPCalibrator` has it by default
 PRIOR = 0.3
@@ -302,9 +304,10 @@ def fit_hypothesis(effects: Sequence[Effect], problem: FitProblem, starts: Array
 def race(fits: Sequence[JointFit]) -> Sequence[JointFit]:
     """Go on with begun fits side by side, without those that have come to rest far above the best."""
     running = list(fits)
-    for _ in range(SLICES):
-        running = [fit.run(SLICE) for fit in running if fit.active]
-        best = min((fit.objective for fit in fits), default=0.0)
+    for _ in range(SLICES if fits else 0):
+        active = [partial(fit.run, SLICE) for fit in running if fit.active]
+        running = side_by_side(active, fits[0].problem.simulator.threads)
+        best = min(fit.objective for fit in fits)
         running = [fit for fit in running if fit.may_reach(best)]
     return fits
 

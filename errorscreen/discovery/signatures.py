@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from errorscreen.observations import Observation
 from errorscreen.parameters import Parameter, ParameterSpace
 from errorscreen.sampling import generator, latin_hypercube
 from errorscreen.simulators.base import Simulator
+from errorscreen.threads import side_by_side
 
 #: draws of later rounds scatter by these shares of the ranges around so many of the best
 SPREADS, _ELITE = (0.1, 0.03, 0.01), 8
@@ -194,12 +196,16 @@ def raced(searches: Sequence[SignatureSearch], n_fits: int) -> list[SignatureSea
     n_fits : int
         Effects that will be fitted.
     """
-    ranked = [search.run(1) for search in searches]
-    for rounds, share in enumerate(_RACE, start=2):
+    ranked, kept = list(searches), len(searches)
+    for rounds, share in enumerate((*_RACE, 0), start=1):
+        side_by_side([partial(one.run, rounds) for one in ranked[:kept]], _threads(searches))
         ranked.sort(key=lambda s: s.objective)
-        for one in ranked[: share * n_fits]:
-            one.run(rounds)
-    return sorted(ranked, key=lambda s: s.objective)
+        kept = share * n_fits
+    return ranked
+
+
+def _threads(searches: Sequence[SignatureSearch]) -> int:
+    return searches[0].problem.simulator.threads if searches else 1
 
 
 def projected(

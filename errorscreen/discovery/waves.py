@@ -8,12 +8,15 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Collection, Sequence
+from functools import partial
 
 import numpy as np
 
 from errorscreen.discovery.hypotheses import SLICE, Hypothesis, JointFit, race
 from errorscreen.discovery.signatures import SignatureSearch
+from errorscreen.effects.base import Effect
 from errorscreen.exceptions import SimulationError
+from errorscreen.threads import side_by_side
 
 #: starts that are followed from what a signature promises, and those that are kept after the first iterations
 _BEGUN, _KEPT = 3, 2
@@ -48,16 +51,21 @@ def promised(
         Effects that promise no lower objective are left out.
     """
     matches = 0 if base.effects else min(_MATCHES, _MATCHES_EACH * len(base.u))
-    fits = []
+    calls = []
     for search in searches:
         effects = (*base.effects, search.effect)
         hopeless = search.objective > threshold or not np.isfinite(search.objective)
-        if hopeless or frozenset(e.name for e in effects) in known:
-            continue
-        with contextlib.suppress(SimulationError):
-            starts = search.starts(matches)
-            fits.append(JointFit(effects, search.problem, starts).keep(_BEGUN).run(SLICE).keep(_KEPT))
-    return race(_furthest(fits, n_fits))
+        if not (hopeless or frozenset(e.name for e in effects) in known):
+            calls.append(partial(_promised, search, effects, matches))
+    fits = side_by_side(calls, base.simulator.threads)
+    return race(_furthest([fit for fit in fits if fit is not None], n_fits))
+
+
+def _promised(search: SignatureSearch, effects: tuple[Effect, ...], matches: int) -> JointFit | None:
+    with contextlib.suppress(SimulationError):
+        fit = JointFit(effects, search.problem, search.starts(matches))
+        return fit.keep(_BEGUN).run(SLICE).keep(_KEPT)
+    return None
 
 
 def anew(
@@ -77,13 +85,21 @@ def anew(
         One for each search.
     """
     begun: dict[str, list[JointFit]] = {}
-    for search, seed in zip(searches, seeds, strict=True):
-        with contextlib.suppress(SimulationError):
-            starts = search.scattered(_SCATTERED, seed)
-            fit = JointFit([search.effect], search.problem, starts).run(_FIRST).keep(_KEPT)
-            begun.setdefault(search.effect.original, []).append(fit)
+    threads = searches[0].problem.simulator.threads if searches else 1
+    calls = [partial(_anew, search, seed) for search, seed in zip(searches, seeds, strict=True)]
+    for fit in side_by_side(calls, threads):
+        if fit is not None:
+            begun.setdefault(fit.effects[0].original, []).append(fit)
     fits = _furthest([_furthest(same, 1)[0] for same in begun.values()], _HALFWAY * n_fits)
-    return race(_furthest([fit.run(_FIRST).keep(1) for fit in fits], n_fits))
+    side_by_side([partial(fit.run, _FIRST) for fit in fits], threads)
+    return race(_furthest([fit.keep(1) for fit in fits], n_fits))
+
+
+def _anew(search: SignatureSearch, seed: np.random.SeedSequence) -> JointFit | None:
+    with contextlib.suppress(SimulationError):
+        fit = JointFit([search.effect], search.problem, search.scattered(_SCATTERED, seed))
+        return fit.run(_FIRST).keep(_KEPT)
+    return None
 
 
 def _furthest(fits: Collection[JointFit], n: int) -> list[JointFit]:

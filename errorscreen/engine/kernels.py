@@ -56,6 +56,11 @@ class Engine:
         self.n_threads = n_threads
         self._kernels: dict[tuple[int, bool], Any] = {}
 
+    @property
+    def threads(self) -> int:
+        """Threads that share the blocks of simulations."""
+        return int(self.n_threads or numba.config.NUMBA_NUM_THREADS)
+
     def __getstate__(self) -> dict[str, Any]:
         """Leave compiled code behind: another process finds it in the cache."""
         return {**self.__dict__, "_kernels": {}}
@@ -172,7 +177,7 @@ class Engine:
 
     def _run(self, kernel: Any, arguments: tuple[Any, ...], blocks: int, most: int) -> None:
         """Share the blocks between threads, at most so many in a task."""
-        threads = min(self.n_threads or numba.config.NUMBA_NUM_THREADS, blocks)
+        threads = min(self.threads, blocks)
         if threads <= 1:
             kernel(*arguments, 0, blocks)
             return

@@ -114,6 +114,11 @@ class Simulator(ABC):
     def simulate(self, theta: ArrayLike, event: Event | None = None) -> Responses:
         """Simulate every row of `theta` (n, m); a failed row has a status and NaN, and never raises."""
 
+    @property
+    def threads(self) -> int:
+        """How many threads may simulate at the same time; 1 where it is not known that several may."""
+        return 1
+
     @abstractmethod
     def observe(self, recording: Any) -> Observation:
         """Bring a recording onto this simulator's channels, units and time grid."""

@@ -221,6 +221,11 @@ class ODESimulator(Simulator):
             self._functions = (*self._functions, selection(self._selected, len(self.states)))
         self._pointers = compile_all(self._functions, self._compiled)[1]
 
+    @property
+    def threads(self) -> int:
+        """How many threads may simulate at the same time: those of a batch, and one where Python itself simulates."""
+        return int(self.n_threads or numba.config.NUMBA_NUM_THREADS) if self._compiled else 1
+
     def settings(self) -> dict[str, Any]:
         """Functions, constants, step and added effects; see `Simulator.settings`."""
         return {
@@ -337,7 +342,7 @@ class ODESimulator(Simulator):
             record, out,
         )  # fmt: skip
         kernel: Any = ode_kernel.compiled() if self._compiled else ode_kernel.integrate
-        threads = (self.n_threads or numba.config.NUMBA_NUM_THREADS) if self._compiled else 1
+        threads = self.threads
         share = max(1, min(_SHARE, -(-len(theta) // threads)))
         tasks = [(i, min(i + share, len(theta))) for i in range(0, len(theta), share)]
 

@@ -183,6 +183,11 @@ class PlantSimulator(Simulator):
         )
         return self._with_uncertainty(observation, recording)
 
+    @property
+    def threads(self) -> int:
+        """How many threads may simulate at the same time: as many as share the simulations of a batch."""
+        return self._engine.threads
+
     def settings(self) -> dict[str, Any]:
         """Device, constants, longest step and added effects; see `Simulator.settings`."""
         return {

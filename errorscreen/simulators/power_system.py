@@ -161,6 +161,11 @@ class PowerSystemSimulator(Simulator):
             + f", {len(self.parameters)} parameters)"
         )
 
+    @property
+    def threads(self) -> int:
+        """How many threads may simulate at the same time: as many as share the simulations of a batch."""
+        return self._engine.threads
+
     def settings(self) -> dict[str, Any]:
         """Grid, machines, units, channels and longest step; see `Simulator.settings`."""
         return {
