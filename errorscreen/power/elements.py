@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import cmath
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -100,7 +101,7 @@ class Branch:
         """For messages, as in ``"2-25 (circuit 1)"``."""
         return f"{self.from_bus}-{self.to_bus} (circuit {self.circuit})"
 
-    @property
+    @cached_property
     def admittances(self) -> tuple[complex, complex, complex, complex]:
         """The matrix of (N1) row by row; zero for a branch out of service."""
         if not self.in_service:

@@ -13,10 +13,12 @@ Networks are immutable: a fault, a tripped line or a changed load gives another 
 from __future__ import annotations
 
 import cmath
+import copy
 from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from numbers import Complex, Real
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -147,7 +149,7 @@ class Network:
             return self.with_line_out(bus, other, circuit)
         part = self.branch(bus, other, circuit)
         less = replace(part, r=part.r / share, x=part.x / share, b=part.b * share)
-        return replace(self, branches=tuple(less if b is part else b for b in self.branches))
+        return self._changed(branches=tuple(less if b is part else b for b in self.branches))
 
     def with_fault(self, bus: int, impedance: complex = 0.0) -> Network:
         """Connect a bus to ground through a symmetrical fault impedance in pu; 0 is a bolted fault, held exactly."""
@@ -155,9 +157,16 @@ class Network:
         if not (isinstance(impedance, Complex) and cmath.isfinite(impedance)):
             raise InputError(f"the fault impedance is {impedance!r}", allowed="a finite number in pu")
         if impedance == 0:
-            return replace(self, grounded=self.grounded | {bus})
+            return self._changed(grounded=self.grounded | {bus})
         y = 1 / complex(impedance)
-        return replace(self, shunts=(*self.shunts, Shunt(bus, y.real, y.imag)))
+        return self._changed(shunts=(*self.shunts, Shunt(bus, y.real, y.imag)))
+
+    def _changed(self, **elements: Any) -> Network:
+        """Grid with other elements at the same buses and the same connections, which need not be checked again."""
+        other = copy.copy(self)
+        other.__dict__.pop("_branches_and_shunts", None)
+        other.__dict__.update(elements)
+        return other
 
     def with_load_scaled(self, factor: float, buses: Iterable[int] | None = None) -> Network:
         """Multiply the loads at some buses, or at all, by a factor.
@@ -253,9 +262,10 @@ class Network:
     def _branches_and_shunts(self) -> NDArray[np.complex128]:
         """Part of the bus admittance matrix that no voltage changes."""
         Y = np.zeros((len(self.buses),) * 2, dtype=complex)
-        for branch in self.branches:
-            i, k = self._index[branch.from_bus], self._index[branch.to_bus]
-            Y[[i, i, k, k], [i, k, i, k]] += branch.admittances
+        ends = np.array([[self._index[bus] for bus in branch.ends] for branch in self.branches], dtype=int)
+        values = np.array([branch.admittances for branch in self.branches], dtype=complex)
+        i, k = ends.reshape(-1, 2).T
+        np.add.at(Y, (np.stack([i, i, k, k], axis=1), np.stack([i, k, i, k], axis=1)), values.reshape(-1, 4))
         for shunt in self.shunts:
             Y[self._index[shunt.bus], self._index[shunt.bus]] += complex(shunt.g, shunt.b)
         return Y
