@@ -118,9 +118,8 @@ class Competition(Refinement):
             return begun(base, effects, problems[effects], n, self._seed(base, effects[-1], 2, n))
 
         fits = [partial(begin, effects) for effects in problems]
-        self._compete(
-            problems, lambda: outgrown(fits, max(1, round(_ARRIVE * self.n_fits)), self.simulator.threads)
-        )
+        arrive = max(1, round(_ARRIVE * self.n_fits))
+        self._compete(problems, lambda: outgrown(fits, arrive, self.tell, self.simulator.threads))
         self._lead(sorted(self.with_effects(len(among[0].effects) + 1), key=lambda h: h.objective))
         self.n_simulations += sum(problem.n_simulations for problem in problems.values())
 

@@ -141,7 +141,9 @@ def begun(
     return Growth(effects, problem, u[np.arange(n), objective.argmin(axis=1)], rng)
 
 
-def outgrown(fits: Iterable[Callable[[int], Growth]], n: int, threads: int = 1) -> Sequence[JointFit]:
+def outgrown(
+    fits: Iterable[Callable[[int], Growth]], n: int, tell: Callable[[str], None], threads: int = 1
+) -> Sequence[JointFit]:
     """Let fits grow side by side, and fit those that get furthest to all of the recordings.
 
     All begin with few starts, and those that lead begin once more with many.
@@ -152,6 +154,8 @@ def outgrown(fits: Iterable[Callable[[int], Growth]], n: int, threads: int = 1) 
         Begin one with so many starts.
     n : int
         How many are fitted to the end.
+    tell : callable
+        Takes lines of text.
     threads : int
         Of which each has one fit at a time.
     """
@@ -162,6 +166,7 @@ def outgrown(fits: Iterable[Callable[[int], Growth]], n: int, threads: int = 1) 
             well = side_by_side([partial(_runs, growth, parts) for growth in grown], threads)
             order = sorted(np.flatnonzero(well), key=lambda i: grown[i].objective)[: kept * n]
             begin, grown = [begin[i] for i in order], [grown[i] for i in order]
+            tell(f"{len(grown)} of {len(well)} go on from {_PARTS[parts - 1][0]:.0%} of the recordings")
     ended = side_by_side([partial(_ended, growth) for growth in grown], threads)
     return race([fit for fit in ended if fit is not None])
 

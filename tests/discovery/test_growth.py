@@ -111,7 +111,7 @@ def test_the_fit_that_grows_best_is_fitted_to_all_of_the_recordings(spring):
     for effect in (e for e in model.effects if e.name in names):
         problem = FitProblem(model.extend(effect), [observation])
         fits.append(partial(begun, base, (effect,), problem, random_state=0))
-    (fit,) = outgrown(fits, 1)
+    (fit,) = outgrown(fits, 1, print)
     assert [e.name for e in fit.effects] == ["velocity.cubic(position)"]
     assert fit.problem.n_values == observation.mask.sum()
     assert fit.hypothesis().chi2_per_sample == pytest.approx(1.0, abs=0.2)
@@ -131,10 +131,10 @@ def test_what_cannot_be_simulated_does_not_end_a_race(spring, monkeypatch):
         return np.full_like(z, np.nan) if self.simulator is fails.simulator else z
 
     monkeypatch.setattr(FitProblem, "residuals", residuals)
-    assert [e.name for fit in outgrown(fits, 2) for e in fit.effects] == ["velocity.cubic(position)"]
+    assert [e.name for fit in outgrown(fits, 2, print) for e in fit.effects] == ["velocity.cubic(position)"]
 
     def only_late(self, values):  # the whole recording fails, its parts do not
         return residuals(self, values) if self is fails else plain(self, values)
 
     monkeypatch.setattr(FitProblem, "residuals", only_late)
-    assert [e.name for fit in outgrown(fits, 2) for e in fit.effects] == ["velocity.cubic(position)"]
+    assert [e.name for fit in outgrown(fits, 2, print) for e in fit.effects] == ["velocity.cubic(position)"]
