@@ -1,4 +1,7 @@
-"""What is fitted does not depend on the number of threads of linear algebra."""
+"""Threads of linear algebra, and those that share calls; nothing depends on their number."""
+
+from functools import partial
+from threading import Barrier, Event
 
 import numpy as np
 import pytest
@@ -8,7 +11,7 @@ from errorscreen.calibration import MAPCalibrator
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery import CauseFinder
 from errorscreen.recordings import Recording
-from errorscreen.threads import one_blas_thread
+from errorscreen.threads import one_blas_thread, side_by_side
 from tests.simulators.models import oscillator, push
 
 
@@ -46,3 +49,31 @@ def test_fits_take_one_thread(estimator, monkeypatch):
         options = {} if estimator is MAPCalibrator else {"effects": ["force.lag"]}
         estimator(simulator, random_state=0, **options).fit(observation)
     assert seen == {1}
+
+
+@pytest.mark.parametrize("threads", [1, 2, 9])
+def test_results_come_in_the_order_of_the_calls(threads):
+    assert side_by_side([partial(pow, i, 2) for i in range(5)], threads) == [0, 1, 4, 9, 16]
+    assert side_by_side([], threads) == []
+
+
+def test_calls_run_at_the_same_time():
+    both = Barrier(2)
+    assert sorted(side_by_side([partial(both.wait, 10.0)] * 2, 2)) == [0, 1]
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
+def test_an_exception_ends_what_has_not_begun(error):
+    begun, failed = [], Event()
+
+    def fail():
+        failed.set()
+        raise error("meant")
+
+    def follow():
+        failed.wait(10.0)
+        begun.append(1)
+
+    with pytest.raises(error, match="meant"):
+        side_by_side([fail, *[follow] * 1000], 2)
+    assert len(begun) < 1000

@@ -107,14 +107,19 @@ def test_the_fit_that_grows_best_is_fitted_to_all_of_the_recordings(spring):
     model, observation = spring
     base = fit_hypothesis((), FitProblem(model, observation), np.zeros(2))
     names = ["offset_position", "lag_position", "velocity.cubic(position)", "force.lag"]
-    fits = []
-    for effect in (e for e in model.effects if e.name in names):
-        problem = FitProblem(model.extend(effect), [observation])
-        fits.append(partial(begun, base, (effect,), problem, random_state=0))
-    (fit,) = outgrown(fits, 1, print)
-    assert [e.name for e in fit.effects] == ["velocity.cubic(position)"]
-    assert fit.problem.n_values == observation.mask.sum()
-    assert fit.hypothesis().chi2_per_sample == pytest.approx(1.0, abs=0.2)
+    ended, told = [], []
+    for threads in (1, 2):  # whose number does not matter
+        fits = []
+        for effect in (e for e in model.effects if e.name in names):
+            problem = FitProblem(model.extend(effect), [observation])
+            fits.append(partial(begun, base, (effect,), problem, random_state=0))
+        (fit,) = outgrown(fits, 1, told.append, threads)
+        assert [e.name for e in fit.effects] == ["velocity.cubic(position)"]
+        assert fit.problem.n_values == observation.mask.sum()
+        assert fit.hypothesis().chi2_per_sample == pytest.approx(1.0, abs=0.2)
+        ended.append(fit.reached)
+    assert np.array_equal(*ended)
+    assert told[0] == "4 of 4 go on from 10% of the recordings"
 
 
 def test_what_cannot_be_simulated_does_not_end_a_race(spring, monkeypatch):
