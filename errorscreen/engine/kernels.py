@@ -55,6 +55,10 @@ class Engine:
         self.layout = Layout.of(model)
         self.n_threads = n_threads
         self._kernels: dict[tuple[int, bool], Any] = {}
+        # looked up once: a search makes many small batches of models with hundreds of quantities
+        self._order = [model.states.index(name) for name in self.layout.states]
+        self._switches = [model.constants.index(name) for name in model.switches]
+        self._gates = [model.constants.index(name) for name, _ in model.gated]
 
     @property
     def threads(self) -> int:
@@ -118,18 +122,17 @@ class Engine:
         n = len(x0)
         model, layout = self.model, self.layout
         lanes = self._lanes(n)
-        order = [model.states.index(name) for name in layout.states]
         memories = np.zeros((n, len(model.memories))) if memories is None else memories
         blocks = -(-n // lanes)
-        on = self._any_in_block(constants, model.switches, blocks, lanes)
+        on = self._any_in_block(constants, self._switches, blocks, lanes)
         active = np.ones((blocks, len(layout.spans)), dtype=bool)
-        active[:, 1:] = self._any_in_block(constants, tuple(s for s, _ in model.gated), blocks, lanes)
+        active[:, 1:] = self._any_in_block(constants, self._gates, blocks, lanes)
         tables, segment = _segments(model, n, len(u) // 2, tables, segment)
         record = model.outputs if record is None else record
         out = np.full((n, len(record), (len(u) // 2) // every + 1), np.nan)
         arguments = (
             np.uint64(lanes),
-            np.ascontiguousarray(x0[:, order]),
+            np.ascontiguousarray(x0[:, self._order]),
             np.ascontiguousarray(constants, dtype=float),
             np.ascontiguousarray(memories, dtype=float),
             np.ascontiguousarray(u, dtype=float),
@@ -145,6 +148,10 @@ class Engine:
         )
         self._run(self._kernel(lanes, len(segment) > 1), arguments, blocks, _TASK // lanes)
         return out
+
+    def acting(self, constants: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Whether any switch is on in each simulation (n,)."""
+        return np.asarray((constants[:, self._switches] != 0).any(axis=1))
 
     def at_rest(
         self,
@@ -187,12 +194,12 @@ class Engine:
             list(pool.map(lambda task: kernel(*arguments, *task), tasks))
 
     def _any_in_block(
-        self, constants: NDArray[np.float64], names: tuple[str, ...], blocks: int, lanes: int
+        self, constants: NDArray[np.float64], columns: list[int], blocks: int, lanes: int
     ) -> NDArray[np.bool_]:
-        """True where a quantity is nonzero in any simulation of a block, shape (blocks, len(names))."""
-        nonzero = np.zeros((blocks * lanes, len(names)), dtype=bool)
-        nonzero[: len(constants)] = constants[:, [self.model.constants.index(name) for name in names]] != 0
-        return np.asarray(nonzero.reshape(blocks, lanes, len(names)).any(axis=1))
+        """True where a constant is nonzero in any simulation of a block, shape (blocks, len(columns))."""
+        nonzero = np.zeros((blocks * lanes, len(columns)), dtype=bool)
+        nonzero[: len(constants)] = constants[:, columns] != 0
+        return np.asarray(nonzero.reshape(blocks, lanes, len(columns)).any(axis=1))
 
 
 class ReferenceEngine(Engine):

@@ -211,8 +211,7 @@ class PowerSystemSimulator(Simulator):
         record = 1 if distorted else every
         out = np.full((len(theta), len(self.channels), steps // record + 1), np.nan)
         # nothing moves before the event, unless an effect moves things by itself
-        wait, model = steps_at_rest(segment, every), self._engine.model
-        acting = (constants[:, [model.constants.index(s) for s in model.switches]] != 0).any(axis=1)
+        wait, acting = steps_at_rest(segment, every), self._engine.acting(constants)
         resting = ~acting & (wait > 0)
         asked = start & acting & (wait > 0)
         if asked.any():
