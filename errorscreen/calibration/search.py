@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
+from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg.lapack import dposv
 from scipy.optimize import lsq_linear
 
 from errorscreen.sampling import generator
@@ -338,7 +339,10 @@ def bounded_minimum(matrix: ArrayLike, slope: ArrayLike, lower: ArrayLike, upper
         free = side == 0
         d = np.where(side < 0, low, np.where(free, 0.0, high))
         if free.any():
-            d[free] = cho_solve(cho_factor(A[np.ix_(free, free)]), -(g + A @ d)[free])
+            # straight to LAPACK: these systems are so small that checking them takes longer than solving them
+            _, d[free], info = dposv(A[free][:, free], -(g + A @ d)[free])
+            if info:
+                raise np.linalg.LinAlgError("the matrix is not positive definite")
         pull = g + A @ d
         new = np.where(free, (d > high).astype(int) - (d < low), np.where(side * pull < 0, side, 0))
         if np.array_equal(new, side):
