@@ -111,6 +111,22 @@ def test_loads_and_shunts_at_one_bus_add_up():
     assert (network.admittance() - three_buses().admittance())[1, 1] == pytest.approx(0.2 + 0.1j)
 
 
+def test_a_change_is_the_grid_that_is_built_with_it():
+    network = three_buses()
+    network.admittance()  # what is known of it must not be taken for what is changed
+    for changed in (
+        network.with_fault(2, 0.01 + 0.02j),
+        network.with_fault(2),
+        network.with_branch_share(30, 2, 0.4, "2"),
+        network.with_branch_share(30, 2, 0.4, "2").with_fault(1, 0.1j),
+    ):
+        built = three_buses(branches=changed.branches, shunts=changed.shunts, grounded=changed.grounded)
+        assert changed == built
+        assert hash(changed) == hash(built)
+        assert np.array_equal(changed.admittance(), built.admittance())
+    assert network == three_buses()
+
+
 def test_networks_are_values():
     assert three_buses() == three_buses()
     assert hash(three_buses()) == hash(three_buses())
