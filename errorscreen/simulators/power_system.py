@@ -277,7 +277,8 @@ class PowerSystemSimulator(Simulator):
                 del known[_REMEMBERED:]
             return found
 
-        pool, segments = [tables[:1]], np.zeros((len(theta), len(segment)), dtype=np.int64)
+        # the grid before the event is common to all
+        pool, segments = [*tables[:1]], np.zeros((len(theta), len(segment)), dtype=np.int64)
         for rows, happened in what_happened(event, altering, theta, self.parameters):
             try:
                 own, segment = tables_in_time(
@@ -286,10 +287,9 @@ class PowerSystemSimulator(Simulator):
             except InputError:  # two branches opened can leave an island
                 possible[rows] = False
                 continue
-            # the grid before the event is common to all
-            segments[rows] = np.where(segment > 0, segment + sum(map(len, pool)) - 1, 0)
-            pool.append(own[1:])
-        return np.concatenate(pool), segments, possible
+            segments[rows] = np.where(segment > 0, segment + len(pool) - 1, 0)
+            pool += [*own[1:]]
+        return np.array(pool), segments, possible
 
     def _course(
         self, event: GridEvent, h: float, every: int
