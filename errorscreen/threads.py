@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
 from functools import wraps
+from threading import local
 from typing import ParamSpec, TypeVar
 
 from threadpoolctl import threadpool_limits
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
+_BESIDE_OTHERS = local()
 
 
 def one_blas_thread(function: Callable[_P, _T]) -> Callable[_P, _T]:
@@ -49,14 +51,15 @@ def side_by_side(calls: Iterable[Callable[[], _T]], threads: int) -> list[_T]:
     """Results of some calls in their order, made in so many threads.
 
     Worth it where most of the time is spent in compiled code that releases the interpreter lock. Each call must have
-    its own random numbers, so that its result does not depend on the others. An exception ends all that has not begun.
+    its own random numbers, so that its result does not depend on the others. After an exception nothing more begins,
+    and after Ctrl-C nothing is waited for.
 
     Parameters
     ----------
     calls : iterable of callable
         Without arguments.
     threads : int
-        With one, nothing is started.
+        With one, nothing is started, and calls may use threads of their own.
 
     Returns
     -------
@@ -68,11 +71,28 @@ def side_by_side(calls: Iterable[Callable[[], _T]], threads: int) -> list[_T]:
     >>> side_by_side([partial(abs, -1), partial(abs, -2)], threads=2)
     [1, 2]
     """
-    if threads <= 1:
+    calls = list(calls)
+    if threads_left(threads) <= 1 or len(calls) <= 1:
         return [call() for call in calls]
-    with ThreadPoolExecutor(threads) as pool:
-        return list(pool.map(_called, calls))
+    pool = ThreadPoolExecutor(threads)
+    futures = [pool.submit(_called, call) for call in calls]
+    at_once = False
+    try:
+        for future in wait(futures, return_when=FIRST_EXCEPTION).done:
+            future.result()
+        return [future.result() for future in futures]
+    except KeyboardInterrupt:
+        at_once = True
+        raise
+    finally:
+        pool.shutdown(wait=not at_once, cancel_futures=True)
+
+
+def threads_left(threads: int) -> int:
+    """As many threads, or one inside of a call that runs beside others: these share the cores already."""
+    return 1 if getattr(_BESIDE_OTHERS, "now", False) else threads
 
 
 def _called(call: Callable[[], _T]) -> _T:
+    _BESIDE_OTHERS.now = True  # the thread belongs to these calls
     return call()

@@ -1,5 +1,8 @@
 """Threads of linear algebra, and those that share calls; nothing depends on their number."""
 
+import subprocess
+import sys
+import time
 from functools import partial
 from threading import Barrier, Event
 
@@ -11,7 +14,7 @@ from errorscreen.calibration import MAPCalibrator
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery import CauseFinder
 from errorscreen.recordings import Recording
-from errorscreen.threads import one_blas_thread, side_by_side
+from errorscreen.threads import one_blas_thread, side_by_side, threads_left
 from tests.simulators.models import oscillator, push
 
 
@@ -72,8 +75,33 @@ def test_an_exception_ends_what_has_not_begun(error):
 
     def follow():
         failed.wait(10.0)
+        time.sleep(1e-3)
         begun.append(1)
 
     with pytest.raises(error, match="meant"):
-        side_by_side([fail, *[follow] * 1000], 2)
+        side_by_side([follow, fail, *[follow] * 1000], 2)
     assert len(begun) < 1000
+
+
+def test_after_an_interrupt_nothing_is_waited_for():
+    """In a process of its own: the signal belongs to its main thread."""
+    code = (
+        "import os, signal, threading, time\n"
+        "from errorscreen.threads import side_by_side\n"
+        "begun = time.monotonic()\n"
+        "threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()\n"
+        "try:\n"
+        "    side_by_side([lambda: time.sleep(20.0)] * 2, 2)\n"
+        "except KeyboardInterrupt:\n"
+        "    print(time.monotonic() - begun, flush=True)\n"
+        "    os._exit(0)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert float(done.stdout) < 10.0
+
+
+def test_calls_beside_others_take_no_threads_of_their_own():
+    assert threads_left(4) == 4
+    assert side_by_side([partial(threads_left, 4)] * 3, 2) == [1, 1, 1]
+    assert side_by_side([partial(threads_left, 4)], 2) == [4]
+    assert threads_left(4) == 4

@@ -15,7 +15,7 @@ from errorscreen.sampling import latin_hypercube
 from errorscreen.simulators.base import Simulator
 from errorscreen.simulators.observations import as_observations, check_names
 
-#: simulated numbers that are held at a time when only their misfit is wanted (128 MiB)
+#: simulated numbers that a thread holds at a time when only their misfit is wanted (128 MiB)
 _CHUNK = 2**24
 #: measured instants after the start of an event that are the least part of a recording
 _LEAST = 8

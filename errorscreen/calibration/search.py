@@ -325,7 +325,7 @@ def bounded_minimum(matrix: ArrayLike, slope: ArrayLike, lower: ArrayLike, upper
     Raises
     ------
     numpy.linalg.LinAlgError
-        If A is not positive definite.
+        If A is not positive definite, or A or g are not finite.
 
     Examples
     --------
@@ -341,8 +341,8 @@ def bounded_minimum(matrix: ArrayLike, slope: ArrayLike, lower: ArrayLike, upper
         if free.any():
             # straight to LAPACK: these systems are so small that checking them takes longer than solving them
             _, d[free], info = dposv(A[free][:, free], -(g + A @ d)[free])
-            if info:
-                raise np.linalg.LinAlgError("the matrix is not positive definite")
+            if info or not np.isfinite(d).all():
+                raise np.linalg.LinAlgError("the matrix is not positive definite, or something is not finite")
         pull = g + A @ d
         new = np.where(free, (d > high).astype(int) - (d < low), np.where(side * pull < 0, side, 0))
         if np.array_equal(new, side):

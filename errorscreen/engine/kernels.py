@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from errorscreen.engine.codegen import Layout, load_module
 from errorscreen.engine.stages import Model
 from errorscreen.exceptions import InputError
+from errorscreen.threads import threads_left
 
 #: simulations side by side, and those of small batches and of large models
 LANES, FEW_LANES = 32, 8
@@ -25,8 +26,9 @@ LANES, FEW_LANES = 32, 8
 LARGE, SMALL_BATCH = 512, 16
 #: most simulations of a task: a thread that was held up leaves the rest to the others
 _TASK = 64
-#: relative change of a state in a step that is none: what rounding leaves of an equilibrium
-_STILL = 1e-9
+#: relative change of a state in a step that is none: what rounding leaves of an equilibrium. Little more, because a
+#: latch that has begun to close does so however little it is closed
+_STILL = 1e-12
 
 
 class Engine:
@@ -59,6 +61,7 @@ class Engine:
         self._order = [model.states.index(name) for name in self.layout.states]
         self._switches = [model.constants.index(name) for name in model.switches]
         self._gates = [model.constants.index(name) for name, _ in model.gated]
+        self._gated = [[model.states.index(name) for name in names] for _, names in model.gated]
 
     @property
     def threads(self) -> int:
@@ -163,7 +166,8 @@ class Engine:
     ) -> NDArray[np.bool_]:
         """Whether a step without inputs and memories changes no state, so that none ever will.
 
-        Clocks are states: where one runs, something may still happen.
+        Clocks are states: where one runs, something may still happen. States that belong to a switch do not count where
+        it is off; beside a simulation in which it is on they may move, but nothing reads them.
 
         Parameters
         ----------
@@ -176,7 +180,10 @@ class Engine:
         ndarray of shape (n,), bool
         """
         x = self.integrate(x0, constants, np.zeros((3, 0)), h=h, tables=tables, record=self.model.states)
-        return np.asarray((np.abs(np.diff(x)[..., 0]) <= _STILL * np.maximum(1.0, np.abs(x0))).all(axis=1))
+        still = np.abs(np.diff(x)[..., 0]) <= _STILL * np.maximum(1.0, np.abs(x0))
+        for switch, states in zip(self._gates, self._gated, strict=True):
+            still[:, states] |= constants[:, [switch]] == 0
+        return np.asarray(still.all(axis=1))
 
     def _lanes(self, n: int) -> int:
         """Lanes for a batch of `n` simulations."""
@@ -184,7 +191,7 @@ class Engine:
 
     def _run(self, kernel: Any, arguments: tuple[Any, ...], blocks: int, most: int) -> None:
         """Share the blocks between threads, at most so many in a task."""
-        threads = min(self.threads, blocks)
+        threads = min(threads_left(self.threads), blocks)
         if threads <= 1:
             kernel(*arguments, 0, blocks)
             return

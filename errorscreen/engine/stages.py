@@ -88,8 +88,8 @@ class Model:
     gated : tuple of (str, tuple of str)
         Switch and the states that exist only while it is on; they are integrated only then.
     tables : tuple of str
-        Quantities that are constant within a step and change between steps, the same for every simulation of a
-        batch: the state of a grid, for example.
+        Quantities that are constant within a step and change between steps, for example the state of a grid; the
+        same for every simulation of a batch, or for each its own.
 
     Raises
     ------

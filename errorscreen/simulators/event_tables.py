@@ -115,12 +115,6 @@ def steps_at_rest(segment: NDArray[np.int64], every: int) -> int:
     change is left, because what is recorded at the change belongs to after it. 0 where the grid never changes, so that
     a run without any event still shows whether it stays where it is.
 
-    Parameters
-    ----------
-    segment : ndarray of shape (..., n_steps + 1)
-        For several simulations, those that are at rest in all of them.
-    every : int
-
     Examples
     --------
     >>> steps_at_rest(np.array([0, 0, 0, 0, 1, 2]), every=2)
@@ -131,5 +125,5 @@ def steps_at_rest(segment: NDArray[np.int64], every: int) -> int:
     >>> steps_at_rest(np.array([1, 1, 1, 1, 2, 2]), every=1)
     0
     """
-    changed = (segment > 0).reshape(-1, segment.shape[-1]).any(axis=0)
+    changed = segment > 0
     return max(0, (int(changed.argmax()) // every - 1) * every) if changed.any() else 0

@@ -43,6 +43,7 @@ from errorscreen.simulators.user_functions import (
     nothing,
     selection,
 )
+from errorscreen.threads import threads_left
 
 #: a response beyond this is that of an unstable model, whatever its unit
 _PLAUSIBLE = 1e12
@@ -342,7 +343,7 @@ class ODESimulator(Simulator):
             record, out,
         )  # fmt: skip
         kernel: Any = ode_kernel.compiled() if self._compiled else ode_kernel.integrate
-        threads = self.threads
+        threads = threads_left(self.threads)
         share = max(1, min(_SHARE, -(-len(theta) // threads)))
         tasks = [(i, min(i + share, len(theta))) for i in range(0, len(theta), share)]
 

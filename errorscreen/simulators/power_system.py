@@ -41,7 +41,8 @@ class PowerSystemSimulator(Simulator):
 
     The grid is reduced to the terminals of machines and units for each of its states, loads are constant impedances.
     Every parameter vector starts at its own exact equilibrium: the load flow does not depend on the parameters. There
-    it rests until the grid changes, so integration begins just before that; where an effect acts, it begins at once.
+    it rests until the grid changes, so integration begins just before that; where an effect moves something earlier, it
+    begins at once.
 
     Parameters
     ----------
@@ -210,13 +211,13 @@ class PowerSystemSimulator(Simulator):
         distorted = any(effect.kind == "measurement" for effect in present)
         record = 1 if distorted else every
         out = np.full((len(theta), len(self.channels), steps // record + 1), np.nan)
-        # nothing moves before the event, unless an effect moves things by itself
-        wait, acting = steps_at_rest(segment, every), self._engine.acting(constants)
-        resting = ~acting & (wait > 0)
-        asked = start & acting & (wait > 0)
+        # nothing moves before the event, unless it came earlier than recorded or an effect moves things by itself
+        wait, acting = steps_at_rest(self._course(event, h, every)[1], every), self._engine.acting(constants)
+        resting = (wait > 0) & (segment[..., : wait + 1] == 0).all(axis=-1) & start
+        asked = resting & acting
         if asked.any():
             resting[asked] = self._engine.at_rest(x0[asked], constants[asked], h=h, tables=tables[:1])
-        for rows, skipped in ((start & resting, wait), (start & ~resting, 0)):
+        for rows, skipped in ((resting, wait), (start & ~resting, 0)):
             if rows.any():
                 own = segment if segment.ndim == 1 else segment[rows]
                 part = self._engine.integrate(

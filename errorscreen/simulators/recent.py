@@ -7,8 +7,8 @@ from typing import Any
 
 from errorscreen.events import Event
 
-#: results that are kept; searches rarely have more recordings at once
-_KEPT = 8
+#: results that are kept; searches rarely have more recordings at once, with parts of them in several threads
+_KEPT = 32
 
 
 class Recent:

@@ -75,9 +75,17 @@ def test_the_minimum_inside_bounds_meets_the_optimality_conditions(seed, k, damp
     np.testing.assert_allclose(pull[inside], 0, atol=1e-5)
 
 
-def test_a_matrix_that_is_not_positive_definite_has_no_minimum():
+@pytest.mark.parametrize(
+    ("matrix", "slope"),
+    [
+        ([[1.0, 2.0], [2.0, 1.0]], [1.0, 1.0]),
+        ([[np.nan, 0.0], [0.0, 1.0]], [1.0, 1.0]),
+        ([[1.0, 0.0], [0.0, 1.0]], [np.nan, 1.0]),
+    ],
+)
+def test_a_matrix_that_is_not_positive_definite_or_finite_has_no_minimum(matrix, slope):
     with pytest.raises(np.linalg.LinAlgError):
-        bounded_minimum([[1.0, 2.0], [2.0, 1.0]], [1.0, 1.0], [-1.0, -1.0], [1.0, 1.0])
+        bounded_minimum(matrix, slope, [-1.0, -1.0], [1.0, 1.0])
 
 
 def test_each_iteration_is_two_batches_for_all_starts_inside_the_bounds():

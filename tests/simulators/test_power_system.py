@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from errorscreen.effects import GOVERNOR
+from errorscreen.effects import GOVERNOR, Effect
+from errorscreen.effects.base import strength
 from errorscreen.events import BusFault, Event, GridEvent, LineTrip, LoadStep
 from errorscreen.exceptions import InputError
 from errorscreen.power.elements import Branch, Bus, Generator, Load
@@ -158,6 +159,40 @@ def test_an_effect_that_moves_nothing_before_the_event_waits_for_it_too(monkeypa
     assert waits == [1, (len(TIME) - 1 - round(FAULT.start / 0.01) + 1) * 4]
     monkeypatch.setattr(power_system, "steps_at_rest", lambda segment, every: 0)
     assert np.abs(quick - simulator.simulate(theta).values).max() < 1e-8
+
+
+@pytest.mark.parametrize("name", ["pv_plant.oscillation", "synchronous_machine.latent_Pm"])
+def test_an_effect_that_is_off_rests_beside_one_that_is_on(name):
+    check_effect(system().extend("pv_plant.ramp"), name)
+
+
+def test_an_event_that_came_earlier_than_recorded_is_not_missed():
+    def earlier(event, d):
+        return replace(event, start=event.start + d)
+
+    shifted = Effect(
+        "fault_instant", "Fault at another instant", "event", earlier,
+        (strength("d", 0.02, 0.2, "s", "event", "d", "later by", -0.2),), kind="event", occasional=True,
+        description="The record has another instant.", source="definition",
+    )  # fmt: skip
+    simulator = system(effects=[shifted])
+    check_effect(simulator, "fault_instant")
+    early = simulator.extend("fault_instant").simulate(np.append(simulator.parameters.nominal, -0.2)).values
+    recorded = simulator.baseline()
+    assert np.abs(early[0, :, : len(TIME) - 20] - recorded[:, 20:]).max() < 1e-9
+
+
+def test_a_latch_that_begins_to_close_is_not_at_rest():
+    generators = tuple(replace(g, v=0.97) for g in network().generators)
+    simulator = PowerSystemSimulator(
+        replace(network(), generators=generators), UNITS, MACHINES,
+        event=replace(FAULT, impedance=0.5j), channels={"U": 3, "P": (2, 3)},
+    ).extend("pv_plant.cessation")  # fmt: skip
+    theta = simulator.parameters.nominal
+    for name, value in (("Tth", 0.0), ("Vth", 0.97 - 0.005 + 1e-10)):
+        theta[simulator.parameters.index(f"pv_plant.cessation.{name}")] = value
+    y = simulator.simulate(theta).require_ok().values[0]
+    assert np.ptp(y[0, : round(FAULT.start / 0.01)]) > 0.005
 
 
 def test_an_effect_that_may_act_before_the_event_is_integrated_from_the_start():
