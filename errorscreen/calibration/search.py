@@ -268,8 +268,11 @@ class BoundedSearch:
         scale = np.sqrt(np.diag(A))
         A, g = A / np.outer(scale, scale), g / scale
         low, high = (self._lower - track.u) * scale, (self._upper - track.u) * scale
-        damped = (A + (damping + _JITTER) * np.eye(len(g)) for damping in np.asarray(dampings, dtype=float))
-        return np.array([bounded_minimum(matrix, g, low, high) / scale for matrix in damped])
+        steps: list[_Array] = []
+        for damping in np.asarray(dampings, dtype=float):
+            damped = A + (damping + _JITTER) * np.eye(len(g))
+            steps.append(bounded_minimum(damped, g, low, high, steps[-1] if steps else None))
+        return np.array(steps) / scale
 
     def _try_steps(self, tracks: list[Track]) -> None:
         """Evaluate all damping values of all tracks in one batch and take the best of each."""
@@ -301,7 +304,9 @@ def _moved(u: _Array, ends: _Array) -> _Array:
     return points.reshape(-1, len(u))
 
 
-def bounded_minimum(matrix: ArrayLike, slope: ArrayLike, lower: ArrayLike, upper: ArrayLike) -> _Array:
+def bounded_minimum(
+    matrix: ArrayLike, slope: ArrayLike, lower: ArrayLike, upper: ArrayLike, near: ArrayLike | None = None
+) -> _Array:
     r"""Minimiser of :math:`\tfrac12 d^T A d + g^T d` inside bounds, for a positive definite matrix A.
 
     An infeasible active set method: what would leave a bound is put there, what is pulled inwards from one is let go,
@@ -317,6 +322,8 @@ def bounded_minimum(matrix: ArrayLike, slope: ArrayLike, lower: ArrayLike, upper
     slope : array-like of shape (k,)
         g.
     lower, upper : array-like of shape (k,)
+    near : array-like of shape (k,), optional
+        Where a similar problem has its minimum: what lies at a bound there is put there first.
 
     Returns
     -------
@@ -334,7 +341,8 @@ def bounded_minimum(matrix: ArrayLike, slope: ArrayLike, lower: ArrayLike, upper
     """
     A, g = np.asarray(matrix, dtype=float), np.asarray(slope, dtype=float)
     low, high = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
-    side = np.zeros(len(g), dtype=int)  # -1 at the lower bound, 1 at the upper one, 0 free
+    at = np.full(len(g), np.nan) if near is None else np.asarray(near, dtype=float)
+    side = (at >= high).astype(int) - (at <= low)  # -1 at the lower bound, 1 at the upper one, 0 free
     for _ in range(_GUESSES):
         free = side == 0
         d = np.where(side < 0, low, np.where(free, 0.0, high))

@@ -64,15 +64,16 @@ def test_the_minimum_inside_bounds_meets_the_optimality_conditions(seed, k, damp
     A, g = J.T @ J, 3 * rng.standard_normal(k)
     A = A / np.sqrt(np.outer(np.diag(A), np.diag(A))) + 10**damping * np.eye(k)
     low, high = -rng.uniform(0, 2, k), rng.uniform(0, 2, k)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "_GUESSES", guesses)  # few of them: what cannot cycle takes over
-        d = bounded_minimum(A, g, low, high)
-    assert np.all((low <= d) & (d <= high))
-    pull = -(A @ d + g)  # outwards at a bound, zero inside
-    assert np.all(pull[d == low] <= 1e-6)
-    assert np.all(pull[d == high] >= -1e-6)
-    inside = (d > low + 1e-9) & (d < high - 1e-9)
-    np.testing.assert_allclose(pull[inside], 0, atol=1e-5)
+    for near in (None, np.clip(rng.choice([-9.0, 0.0, 9.0], k), low, high)):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(module, "_GUESSES", guesses)  # few of them: what cannot cycle takes over
+            d = bounded_minimum(A, g, low, high, near)
+        assert np.all((low <= d) & (d <= high))
+        pull = -(A @ d + g)  # outwards at a bound, zero inside
+        assert np.all(pull[d == low] <= 1e-6)
+        assert np.all(pull[d == high] >= -1e-6)
+        inside = (d > low + 1e-9) & (d < high - 1e-9)
+        np.testing.assert_allclose(pull[inside], 0, atol=1e-5)
 
 
 @pytest.mark.parametrize(
