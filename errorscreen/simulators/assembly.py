@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -143,21 +143,31 @@ def gates(effects: Iterable[Effect]) -> tuple[tuple[str, tuple[str, ...]], ...]:
     return tuple((e.local(e.strength.name), tuple(e.local(s) for s in e.states)) for e in effects if e.states)
 
 
-def switched_off(effects: Iterable[Effect], n: int) -> Values:
-    """Parameters of effects that are compiled in but off, each of shape (n,)."""
-    values = {e.local(p.name): np.full(n, p.nominal) for e in effects for p in e.parameters}
-    return values | {e.local(e.strength.name): np.zeros(n) for e in effects}
+def switched_off(effects: Iterable[Effect]) -> Values:
+    """All quantities of effects that are compiled in but off, the same in all simulations, each of shape ()."""
+    values = {e.local(n): np.array(0.0) for e in effects for n in (*e.derived, *e.states)}
+    values |= {e.local(p.name): np.array(p.nominal) for e in effects for p in e.parameters}
+    return values | {e.local(e.strength.name): np.array(0.0) for e in effects}
+
+
+def columns(values: Values, names: Sequence[str], n: int) -> NDArray[np.float64]:
+    """Quantities by name as an array of shape (n, len(names)); each of shape (n,) or ()."""
+    out = np.empty((len(names), n))
+    for row, name in zip(out, names, strict=True):
+        row[:] = values[name]
+    return out.T
 
 
 def start_effects(
     effects: Iterable[Effect], values: Values, own: Callable[[Effect], Values], h: float
 ) -> Values:
-    """States and derived constants of effects at the beginning, by name in the model.
+    """States and derived constants at the beginning of effects that are on in some simulation, by name in the model.
 
     Parameters
     ----------
     effects : iterable of Effect
-    values : mapping of str to ndarray of shape (n,)
+        Of those that are off in all simulations nothing is evaluated, see `switched_off`.
+    values : mapping of str to ndarray of shape (n,) or ()
         Parameters of the effects by their name in the model.
     own : callable
         Quantities of the device that an effect belongs to, at its equilibrium.
@@ -166,10 +176,11 @@ def start_effects(
     """
     start: Values = {}
     for effect in effects:
+        strength = values[effect.local(effect.strength.name)]
+        if not strength.any():
+            continue
         given = {p.name: values[effect.local(p.name)] for p in effect.parameters}
-        zero = np.zeros_like(given[effect.strength.name])
-        # one that is off in all simulations is not evaluated
-        found = effect.initialise({**own(effect), **given}, h) if given[effect.strength.name].any() else {}
+        found, zero = effect.initialise({**own(effect), **given}, h), np.zeros_like(strength)
         start |= {effect.local(n): found.get(n, 0.0) + zero for n in (*effect.derived, *effect.states)}
     return start
 

@@ -19,7 +19,14 @@ from errorscreen.power import DEVICES, Device
 from errorscreen.recordings import Recording
 from errorscreen.resampling import check_steps
 from errorscreen.signals import correlation_time
-from errorscreen.simulators.assembly import INSIDE, assemble, measured, start_effects, switched_off
+from errorscreen.simulators.assembly import (
+    INSIDE,
+    assemble,
+    columns,
+    measured,
+    start_effects,
+    switched_off,
+)
 from errorscreen.simulators.base import Responses, Simulator, Status
 from errorscreen.simulators.driving_voltage import check_impedance, driving_voltage
 from errorscreen.simulators.injection_noise import noise_left, passed_energy, quantified
@@ -126,6 +133,7 @@ class PlantSimulator(Simulator):
             faults = () if self._behind else (*measurement_effects(device.outputs), common_skew())
             effects = (*LIBRARY.get(device.name, ()), *faults)
         self.effects = tuple(effects)
+        self._off = switched_off(self.effects)
         wrong = [effect.name for effect in self.effects if self._behind and effect.kind == "measurement"]
         if wrong:  # what is recorded wrongly would give a wrong voltage behind the impedance
             raise InputError(
@@ -281,7 +289,7 @@ class PlantSimulator(Simulator):
         values |= {name: np.full(len(theta), t - event.time[0]) for name, t in _instants(event).items()}
         values |= start_effects(self._inside, values, lambda effect: values, h)
         x0, constants = (
-            np.array([values[name] for name in names]).reshape(len(names), len(theta)).T
+            columns(values, names, len(theta))
             for names in (self._engine.model.states, self._engine.model.constants)
         )
         finite = np.isfinite(x0).all(axis=1) & np.isfinite(constants).all(axis=1)
@@ -346,7 +354,7 @@ class PlantSimulator(Simulator):
         one = np.ones(len(theta))
         values = {p.name: p.nominal * one for p in self.device.candidates}
         values |= {name: value * one for name, value in self.constants.items()}
-        values |= switched_off(self.effects, len(theta))
+        values |= self._off
         values |= self._named(theta, event)
         values |= {name: float(event.initial[name]) * one for name in ("V", "P", "Q")}
         for effect in self._present(event):

@@ -21,7 +21,14 @@ from errorscreen.power.load_flow import LoadFlow, solve_load_flow
 from errorscreen.power.network import Network
 from errorscreen.power.reduction import ReducedNetwork, reduce_network
 from errorscreen.recordings import Recording
-from errorscreen.simulators.assembly import INSIDE, check_ports, measured, start_effects, switched_off
+from errorscreen.simulators.assembly import (
+    INSIDE,
+    check_ports,
+    columns,
+    measured,
+    start_effects,
+    switched_off,
+)
 from errorscreen.simulators.base import Responses, Simulator, Status
 from errorscreen.simulators.event_tables import steps_at_rest, tables_in_time, what_happened
 from errorscreen.simulators.grid_assembly import GridModel, grid_effects, machine_prefix, qualified
@@ -142,6 +149,7 @@ class PowerSystemSimulator(Simulator):
             kinds = {u.model.name: u.model.name for u in units} | {i.model.name: LOAD.name for i in loads}
             effects = grid_effects(kinds, self.channels, self.network, (event, *further))
         self.effects = tuple(effects)
+        self._off = switched_off(self.effects)
         inside = tuple(e for e in self.effects if e.kind in INSIDE)
         for effect in inside:
             if effect.device not in devices:
@@ -318,7 +326,7 @@ class PowerSystemSimulator(Simulator):
         h = event.dt / every
         values, feasible = self._start(theta, self._flow(event), event, h)
         x0, constants = (
-            np.array([values[name] for name in group]).reshape(len(group), len(theta)).T
+            columns(values, group, len(theta))
             for group in (self._engine.model.states, self._engine.model.constants)
         )
         start = feasible & np.isfinite(x0).all(axis=1) & np.isfinite(constants).all(axis=1)
@@ -397,14 +405,14 @@ class PowerSystemSimulator(Simulator):
     def _start(
         self, theta: NDArray[np.float64], flow: LoadFlow, event: GridEvent, h: float
     ) -> tuple[Values, NDArray[np.bool_]]:
-        """All states and constants by name, each of shape (n,), and where an equilibrium exists."""
+        """All states and constants by name, each of shape (n,) or (), and where an equilibrium exists."""
         one = np.ones(len(theta))
         values: Values = {"f0": self.f0 * one}
         feasible = one > 0
         voltage = {g.bus: complex(flow.voltage[self.network.index(g.bus)]) for g in self.network.generators}
         for machine in self.machines:
             start = machine.initialise(voltage[machine.bus], flow.generation[machine.bus])
-            values |= {qualified(machine_prefix(machine.bus), k): v * one for k, v in start.items()}
+            values |= {qualified(machine_prefix(machine.bus), k): np.array(v) for k, v in start.items()}
         given = self._named(theta, event)
         demand = flow.network.demand()
         for item in self._items:
@@ -414,7 +422,7 @@ class PowerSystemSimulator(Simulator):
             own, possible = at_rest(item, given, size, complex(flow.voltage[bus]), power, self.f0)
             values |= {qualified(item.model.name, k): v * one for k, v in own.items()}
             feasible = feasible & possible
-        values |= switched_off(self.effects, len(theta)) | given
+        values |= self._off | given
         begin = min(event.start, event.time[-1] - event.dt) - event.time[0]
         instants = {"t_event": begin * one, "t_stop": (event.time[-1] - event.time[0]) * one}
 

@@ -4,6 +4,7 @@ import copy
 import pickle
 
 from errorscreen.events import InputSignal
+from errorscreen.simulators import recent as recent_module
 from errorscreen.simulators.recent import Recent
 
 
@@ -20,10 +21,12 @@ def test_the_same_event_and_settings_are_computed_once():
 
 
 def test_several_recordings_are_kept_and_not_more():
-    recent, events = Recent(), [event() for _ in range(9)]
+    recent, events = Recent(), [event() for _ in range(recent_module._KEPT + 1)]
     for number, one in enumerate(events):
         recent.get((one,), lambda number=number: number)
-    assert [recent.get((one,), lambda: "new") for one in events[1:]] == list(range(1, 9))
+    assert [recent.get((one,), lambda: "new") for one in events[1:]] == list(
+        range(1, recent_module._KEPT + 1)
+    )
     assert recent.get((events[0],), lambda: "new") == "new"
 
 
