@@ -14,7 +14,6 @@ in place of its random ones.
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Any
@@ -23,11 +22,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.discovery.hypotheses import Hypothesis, JointFit, race
+from errorscreen.discovery.hypotheses import Hypothesis, JointFit, attempted, race
 from errorscreen.discovery.restarts import halved
 from errorscreen.discovery.signatures import SPREADS, objectives, spread_over
 from errorscreen.effects.base import Effect
-from errorscreen.exceptions import SimulationError
 from errorscreen.parameters import Parameter, ParameterSpace
 from errorscreen.sampling import generator, latin_hypercube
 from errorscreen.threads import side_by_side
@@ -159,31 +157,18 @@ def outgrown(
     threads : int
         Of which each has one fit at a time.
     """
-    begin, grown = list(fits), []
+    begin = list(fits)
+    grown: list[Growth] = []
     for starts, cuts in _RACE:
         grown = side_by_side([partial(fit, starts) for fit in begin], threads)
         for parts, kept in cuts:
-            well = side_by_side([partial(_runs, growth, parts) for growth in grown], threads)
-            order = sorted(np.flatnonzero(well), key=lambda i: grown[i].objective)[: kept * n]
-            begin, grown = [begin[i] for i in order], [grown[i] for i in order]
+            well = attempted([partial(growth.run, parts) for growth in grown], threads)
+            running = [(fit, one) for fit, one in zip(begin, well, strict=True) if one is not None]
+            running = sorted(running, key=lambda pair: pair[1].objective)[: kept * n]
+            begin, grown = [fit for fit, _ in running], [one for _, one in running]
             tell(f"{len(grown)} of {len(well)} go on from {_PARTS[parts - 1][0]:.0%} of the recordings")
-    ended = side_by_side([partial(_ended, growth) for growth in grown], threads)
+    ended = attempted([partial(halved, one.effects, one.problem, one.reached) for one in grown], threads)
     return race([fit for fit in ended if fit is not None])
-
-
-def _runs(growth: Growth, parts: int) -> bool:
-    """Whether a fit can go on to so many parts."""
-    with contextlib.suppress(SimulationError):
-        growth.run(parts)
-        return True
-    return False
-
-
-def _ended(growth: Growth) -> JointFit | None:
-    """Fit to all of the recordings from where one has got to, if that can be simulated."""
-    with contextlib.suppress(SimulationError):
-        return halved(growth.effects, growth.problem, growth.reached)
-    return None
 
 
 def _values(

@@ -12,10 +12,11 @@ second term is what BIC counts as :math:`\tfrac12 k \ln N`, but only for directi
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import contextlib
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,6 +28,7 @@ from errorscreen.calibration.search import BoundedSearch, Track
 from errorscreen.discovery.noise import by_recording
 from errorscreen.effects.base import Effect
 from errorscreen.events import Event
+from errorscreen.exceptions import SimulationError
 from errorscreen.observations import Observation
 from errorscreen.simulators.base import Simulator
 from errorscreen.simulators.injection_noise import typical
@@ -44,6 +46,7 @@ _HOPE = 20.0
 _LEAST_LEVEL = 0.1
 
 _Array = NDArray[np.float64]
+_T = TypeVar("_T")
 
 
 @dataclass(frozen=True)
@@ -299,6 +302,17 @@ def name_of(effects: Sequence[Effect]) -> str:
 def fit_hypothesis(effects: Sequence[Effect], problem: FitProblem, starts: ArrayLike) -> Hypothesis:
     """Fit all parameters of a problem from some starts in lockstep, see `JointFit`."""
     return JointFit(effects, problem, starts).run(SLICE * SLICES).hypothesis()
+
+
+def attempted(calls: Iterable[Callable[[], _T]], threads: int) -> list[_T | None]:
+    """Results of some calls, made side by side in so many threads; None for each that cannot be simulated."""
+    return side_by_side([partial(_attempted, call) for call in calls], threads)
+
+
+def _attempted(call: Callable[[], _T]) -> _T | None:
+    with contextlib.suppress(SimulationError):
+        return call()
+    return None
 
 
 def race(fits: Sequence[JointFit]) -> Sequence[JointFit]:

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.discovery.hypotheses import SLICE, Hypothesis, JointFit, race
+from errorscreen.discovery.hypotheses import SLICE, Hypothesis, JointFit, attempted, race
+from errorscreen.effects.base import Effect
 from errorscreen.effects.latent_input import KNOTS
 from errorscreen.events import InputSignal, Playback
-from errorscreen.exceptions import SimulationError
 
 #: a signal that explains less than this share of what parameters leave beyond noise says nothing about the place
 _EXPLAINS = 0.1
@@ -85,7 +85,7 @@ def rank_places(base: Hypothesis) -> tuple[list[Place], int]:
     n_simulations : int
     """
     problems: list[FitProblem] = []
-    fits: list[JointFit] = []
+    calls: list[Callable[[], JointFit]] = []
     events = dict.fromkeys(o.event.name for o in base.observations)
     for effect in base.simulator.effects:
         if effect.kind != "latent":
@@ -100,9 +100,9 @@ def rank_places(base: Hypothesis) -> tuple[list[Place], int]:
         # fitted parameters have made up for much of what is missing; from there a signal often ends in a local minimum
         starts = np.zeros((2, len(names)))
         starts[0, : len(base.u)] = base.u
-        with contextlib.suppress(SimulationError):
-            fits.append(JointFit(signals, problems[-1], starts).run(SLICE).keep(1))
-    found = [fit.hypothesis() for fit in race(fits)]
+        calls.append(partial(_begun, signals, problems[-1], starts))
+    fits = attempted(calls, base.simulator.threads)
+    found = [fit.hypothesis() for fit in race([fit for fit in fits if fit is not None])]
     count = sum(problem.n_simulations for problem in problems)
     shares = [_explained(hypothesis, base) for hypothesis in found]
     if not found or max(shares) < _EXPLAINS:
@@ -111,6 +111,10 @@ def rank_places(base: Hypothesis) -> tuple[list[Place], int]:
     moving = _moving(base)
     places = [_place(h, float(w), share, moving) for h, w, share in zip(found, weights, shares, strict=True)]
     return sorted(places, key=lambda p: (-p.probability, p.chi2_per_sample)), count
+
+
+def _begun(signals: Sequence[Effect], problem: FitProblem, starts: _Array) -> JointFit:
+    return JointFit(signals, problem, starts).run(SLICE).keep(1)
 
 
 def probabilities_of(found: Sequence[Hypothesis]) -> _Array:

@@ -6,16 +6,14 @@ beside it, it overlooks the effect; some iterations of a joint fit from the nomi
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Collection, Sequence
 from functools import partial
 
 import numpy as np
 
-from errorscreen.discovery.hypotheses import SLICE, Hypothesis, JointFit, race
+from errorscreen.discovery.hypotheses import SLICE, Hypothesis, JointFit, attempted, race
 from errorscreen.discovery.signatures import SignatureSearch
 from errorscreen.effects.base import Effect
-from errorscreen.exceptions import SimulationError
 from errorscreen.threads import side_by_side
 
 #: starts that are followed from what a signature promises, and those that are kept after the first iterations
@@ -57,15 +55,13 @@ def promised(
         hopeless = search.objective > threshold or not np.isfinite(search.objective)
         if not (hopeless or frozenset(e.name for e in effects) in known):
             calls.append(partial(_promised, search, effects, matches))
-    fits = side_by_side(calls, base.simulator.threads)
+    fits = attempted(calls, base.simulator.threads)
     return race(_furthest([fit for fit in fits if fit is not None], n_fits))
 
 
-def _promised(search: SignatureSearch, effects: tuple[Effect, ...], matches: int) -> JointFit | None:
-    with contextlib.suppress(SimulationError):
-        fit = JointFit(effects, search.problem, search.starts(matches))
-        return fit.keep(_BEGUN).run(SLICE).keep(_KEPT)
-    return None
+def _promised(search: SignatureSearch, effects: tuple[Effect, ...], matches: int) -> JointFit:
+    fit = JointFit(effects, search.problem, search.starts(matches))
+    return fit.keep(_BEGUN).run(SLICE).keep(_KEPT)
 
 
 def anew(
@@ -87,7 +83,7 @@ def anew(
     begun: dict[str, list[JointFit]] = {}
     threads = searches[0].problem.simulator.threads if searches else 1
     calls = [partial(_anew, search, seed) for search, seed in zip(searches, seeds, strict=True)]
-    for fit in side_by_side(calls, threads):
+    for fit in attempted(calls, threads):
         if fit is not None:
             begun.setdefault(fit.effects[0].original, []).append(fit)
     fits = _furthest([_furthest(same, 1)[0] for same in begun.values()], _HALFWAY * n_fits)
@@ -95,11 +91,9 @@ def anew(
     return race(_furthest([fit.keep(1) for fit in fits], n_fits))
 
 
-def _anew(search: SignatureSearch, seed: np.random.SeedSequence) -> JointFit | None:
-    with contextlib.suppress(SimulationError):
-        fit = JointFit([search.effect], search.problem, search.scattered(_SCATTERED, seed))
-        return fit.run(_FIRST).keep(_KEPT)
-    return None
+def _anew(search: SignatureSearch, seed: np.random.SeedSequence) -> JointFit:
+    fit = JointFit([search.effect], search.problem, search.scattered(_SCATTERED, seed))
+    return fit.run(_FIRST).keep(_KEPT)
 
 
 def _furthest(fits: Collection[JointFit], n: int) -> list[JointFit]:
