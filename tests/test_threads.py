@@ -88,6 +88,7 @@ def test_after_an_interrupt_nothing_is_waited_for():
     code = (
         "import os, signal, threading, time\n"
         "from errorscreen.threads import side_by_side\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have it ignored\n"
         "begun = time.monotonic()\n"
         "threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()\n"
         "try:\n"
