@@ -179,7 +179,7 @@ class Competition(Refinement):
             SignatureSearch(simulator, observations, effect, points, self.n_draws, self._seed(base, effect))
             for effect in effects
         ]
-        searches = self._journal.raced(searches, self.n_fits)
+        searches = self._journal.raced(searches, self.n_fits, simulator.threads)
         if not base.effects:
             self.signatures |= {s.effect.name: s.objective for s in searches if np.isfinite(s.objective)}
         return searches
@@ -210,7 +210,8 @@ class Competition(Refinement):
         return promised(base, searches, self.n_fits, known, threshold)
 
     def _fits_anew(self, searches: Sequence[SignatureSearch]) -> Sequence[JointFit]:
-        return anew(searches, self.n_fits, [self._seed(self.base, s.effect, 1) for s in searches])
+        seeds = [self._seed(self.base, s.effect, 1) for s in searches]
+        return anew(searches, self.n_fits, seeds, self.simulator.threads)
 
     def _seed(self, base: Hypothesis, effect: Effect, *use: int) -> np.random.SeedSequence:
         """Of what is drawn for one effect, by its name: what else a library holds does not matter."""

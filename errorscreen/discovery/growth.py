@@ -22,7 +22,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.discovery.hypotheses import Hypothesis, JointFit, attempted, race
+from errorscreen.discovery.hypotheses import Hypothesis, JointFit
+from errorscreen.discovery.racing import attempted, race
 from errorscreen.discovery.restarts import halved
 from errorscreen.discovery.signatures import SPREADS, objectives, spread_over
 from errorscreen.effects.base import Effect
@@ -168,7 +169,7 @@ def outgrown(
             begin, grown = [fit for fit, _ in running], [one for _, one in running]
             tell(f"{len(grown)} of {len(well)} go on from {_PARTS[parts - 1][0]:.0%} of the recordings")
     ended = attempted([partial(halved, one.effects, one.problem, one.reached) for one in grown], threads)
-    return race([fit for fit in ended if fit is not None])
+    return race(ended, threads)
 
 
 def _values(

@@ -12,11 +12,9 @@ second term is what BIC counts as :math:`\tfrac12 k \ln N`, but only for directi
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from functools import partial
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,11 +26,9 @@ from errorscreen.calibration.search import BoundedSearch, Track
 from errorscreen.discovery.noise import by_recording
 from errorscreen.effects.base import Effect
 from errorscreen.events import Event
-from errorscreen.exceptions import SimulationError
 from errorscreen.observations import Observation
 from errorscreen.simulators.base import Simulator
 from errorscreen.simulators.injection_noise import typical
-from errorscreen.threads import side_by_side
 
 #: standard deviation of the prior in multiples of each parameter's scale, as `MAPCalibrator` has it by default
 PRIOR = 0.3
@@ -46,7 +42,6 @@ _HOPE = 20.0
 _LEAST_LEVEL = 0.1
 
 _Array = NDArray[np.float64]
-_T = TypeVar("_T")
 
 
 @dataclass(frozen=True)
@@ -302,28 +297,6 @@ def name_of(effects: Sequence[Effect]) -> str:
 def fit_hypothesis(effects: Sequence[Effect], problem: FitProblem, starts: ArrayLike) -> Hypothesis:
     """Fit all parameters of a problem from some starts in lockstep, see `JointFit`."""
     return JointFit(effects, problem, starts).run(SLICE * SLICES).hypothesis()
-
-
-def attempted(calls: Iterable[Callable[[], _T]], threads: int) -> list[_T | None]:
-    """Results of some calls, made side by side in so many threads; None for each that cannot be simulated."""
-    return side_by_side([partial(_attempted, call) for call in calls], threads)
-
-
-def _attempted(call: Callable[[], _T]) -> _T | None:
-    with contextlib.suppress(SimulationError):
-        return call()
-    return None
-
-
-def race(fits: Sequence[JointFit]) -> Sequence[JointFit]:
-    """Go on with begun fits side by side, without those that have come to rest far above the best."""
-    running = list(fits)
-    for _ in range(SLICES if fits else 0):
-        active = [partial(fit.run, SLICE) for fit in running if fit.active]
-        running = side_by_side(active, fits[0].problem.simulator.threads)
-        best = min(fit.objective for fit in fits)
-        running = [fit for fit in running if fit.may_reach(best)]
-    return fits
 
 
 def described(

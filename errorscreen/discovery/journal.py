@@ -109,12 +109,14 @@ class Journal:
             problem.n_simulations = int(count)
         return found
 
-    def raced(self, searches: Sequence[SignatureSearch], n_fits: int) -> list[SignatureSearch]:
+    def raced(
+        self, searches: Sequence[SignatureSearch], n_fits: int, threads: int = 1
+    ) -> list[SignatureSearch]:
         """Searches for signatures after their race, see `errorscreen.discovery.signatures.raced`."""
         ranked: list[SignatureSearch] = []
 
         def compute() -> Part:
-            ranked.extend(raced(searches, n_fits))
+            ranked.extend(raced(searches, n_fits, threads))
             part: Part = {"order": np.array([list(searches).index(s) for s in ranked], dtype=int)}
             for number, search in enumerate(searches):
                 part |= {f"{number}.{key}": value for key, value in search.packed().items()}

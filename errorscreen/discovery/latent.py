@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.discovery.hypotheses import SLICE, Hypothesis, JointFit, attempted, race
+from errorscreen.discovery.hypotheses import SLICE, Hypothesis, JointFit
+from errorscreen.discovery.racing import attempted, race
 from errorscreen.effects.base import Effect
 from errorscreen.effects.latent_input import KNOTS
 from errorscreen.events import InputSignal, Playback
@@ -101,8 +102,8 @@ def rank_places(base: Hypothesis) -> tuple[list[Place], int]:
         starts = np.zeros((2, len(names)))
         starts[0, : len(base.u)] = base.u
         calls.append(partial(_begun, signals, problems[-1], starts))
-    fits = attempted(calls, base.simulator.threads)
-    found = [fit.hypothesis() for fit in race([fit for fit in fits if fit is not None])]
+    threads = base.simulator.threads
+    found = [fit.hypothesis() for fit in race(attempted(calls, threads), threads)]
     count = sum(problem.n_simulations for problem in problems)
     shares = [_explained(hypothesis, base) for hypothesis in found]
     if not found or max(shares) < _EXPLAINS:

@@ -187,7 +187,7 @@ class SignatureSearch:
         return self
 
 
-def raced(searches: Sequence[SignatureSearch], n_fits: int) -> list[SignatureSearch]:
+def raced(searches: Sequence[SignatureSearch], n_fits: int, threads: int = 1) -> list[SignatureSearch]:
     """Run searches, of which fewer and fewer go on to the next round; the most promising first.
 
     Parameters
@@ -195,17 +195,15 @@ def raced(searches: Sequence[SignatureSearch], n_fits: int) -> list[SignatureSea
     searches : sequence of SignatureSearch
     n_fits : int
         Effects that will be fitted.
+    threads : int
+        Of which each has one search at a time.
     """
     ranked, kept = list(searches), len(searches)
     for rounds, share in enumerate((*_RACE, 0), start=1):
-        side_by_side([partial(one.run, rounds) for one in ranked[:kept]], _threads(searches))
+        side_by_side([partial(one.run, rounds) for one in ranked[:kept]], threads)
         ranked.sort(key=lambda s: s.objective)
         kept = share * n_fits
     return ranked
-
-
-def _threads(searches: Sequence[SignatureSearch]) -> int:
-    return searches[0].problem.simulator.threads if searches else 1
 
 
 def projected(

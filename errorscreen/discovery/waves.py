@@ -11,7 +11,8 @@ from functools import partial
 
 import numpy as np
 
-from errorscreen.discovery.hypotheses import SLICE, Hypothesis, JointFit, attempted, race
+from errorscreen.discovery.hypotheses import SLICE, Hypothesis, JointFit
+from errorscreen.discovery.racing import attempted, race
 from errorscreen.discovery.signatures import SignatureSearch
 from errorscreen.effects.base import Effect
 from errorscreen.threads import side_by_side
@@ -55,8 +56,8 @@ def promised(
         hopeless = search.objective > threshold or not np.isfinite(search.objective)
         if not (hopeless or frozenset(e.name for e in effects) in known):
             calls.append(partial(_promised, search, effects, matches))
-    fits = attempted(calls, base.simulator.threads)
-    return race(_furthest([fit for fit in fits if fit is not None], n_fits))
+    threads = base.simulator.threads
+    return race(_furthest(attempted(calls, threads), n_fits), threads)
 
 
 def _promised(search: SignatureSearch, effects: tuple[Effect, ...], matches: int) -> JointFit:
@@ -65,7 +66,10 @@ def _promised(search: SignatureSearch, effects: tuple[Effect, ...], matches: int
 
 
 def anew(
-    searches: Sequence[SignatureSearch], n_fits: int, seeds: Sequence[np.random.SeedSequence]
+    searches: Sequence[SignatureSearch],
+    n_fits: int,
+    seeds: Sequence[np.random.SeedSequence],
+    threads: int = 1,
 ) -> Sequence[JointFit]:
     """Fit single effects for a few iterations from the nominal parameters, and those that get furthest to the end.
 
@@ -79,16 +83,17 @@ def anew(
         How many are fitted to the end.
     seeds : sequence of SeedSequence
         One for each search.
+    threads : int
+        Of which each has one fit at a time.
     """
     begun: dict[str, list[JointFit]] = {}
-    threads = searches[0].problem.simulator.threads if searches else 1
     calls = [partial(_anew, search, seed) for search, seed in zip(searches, seeds, strict=True)]
     for fit in attempted(calls, threads):
         if fit is not None:
             begun.setdefault(fit.effects[0].original, []).append(fit)
     fits = _furthest([_furthest(same, 1)[0] for same in begun.values()], _HALFWAY * n_fits)
     side_by_side([partial(fit.run, _FIRST) for fit in fits], threads)
-    return race(_furthest([fit.keep(1) for fit in fits], n_fits))
+    return race(_furthest([fit.keep(1) for fit in fits], n_fits), threads)
 
 
 def _anew(search: SignatureSearch, seed: np.random.SeedSequence) -> JointFit:
@@ -96,5 +101,5 @@ def _anew(search: SignatureSearch, seed: np.random.SeedSequence) -> JointFit:
     return fit.run(_FIRST).keep(_KEPT)
 
 
-def _furthest(fits: Collection[JointFit], n: int) -> list[JointFit]:
-    return sorted(fits, key=lambda fit: fit.objective)[:n]
+def _furthest(fits: Collection[JointFit | None], n: int) -> list[JointFit]:
+    return sorted((fit for fit in fits if fit is not None), key=lambda fit: fit.objective)[:n]

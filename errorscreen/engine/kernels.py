@@ -8,7 +8,7 @@ so large that 32 would fill the processor's nearest caches.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import Any
 
 import numba
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from errorscreen.engine.codegen import Layout, load_module
 from errorscreen.engine.stages import Model
 from errorscreen.exceptions import InputError
-from errorscreen.threads import threads_left
+from errorscreen.threads import side_by_side, threads_left
 
 #: simulations side by side, and those of small batches and of large models
 LANES, FEW_LANES = 32, 8
@@ -192,13 +192,9 @@ class Engine:
     def _run(self, kernel: Any, arguments: tuple[Any, ...], blocks: int, most: int) -> None:
         """Share the blocks between threads, at most so many in a task."""
         threads = min(threads_left(self.threads), blocks)
-        if threads <= 1:
-            kernel(*arguments, 0, blocks)
-            return
-        share = min(most, -(-blocks // threads))
+        share = min(most, -(-blocks // threads)) if threads > 1 else max(blocks, 1)
         tasks = [(b, min(b + share, blocks)) for b in range(0, blocks, share)]
-        with ThreadPoolExecutor(threads) as pool:  # the kernel releases the interpreter lock
-            list(pool.map(lambda task: kernel(*arguments, *task), tasks))
+        side_by_side([partial(kernel, *arguments, *task) for task in tasks], threads)
 
     def _any_in_block(
         self, constants: NDArray[np.float64], columns: list[int], blocks: int, lanes: int

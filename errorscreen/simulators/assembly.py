@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,8 @@ from errorscreen.exceptions import unknown_name
 from errorscreen.power import elimination
 from errorscreen.power.device import Device
 
+#: states at the start, constants, rows with an equilibrium, all values by name, step, and steps a sample
+Prepared = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_], Values, float, int]
 #: kinds of effects that are compiled into a model
 INSIDE = ("mechanism", "latent")
 #: resistance and reactance between a device and the voltage that drives it
@@ -150,12 +152,25 @@ def switched_off(effects: Iterable[Effect]) -> Values:
     return values | {e.local(e.strength.name): np.array(0.0) for e in effects}
 
 
-def columns(values: Values, names: Sequence[str], n: int) -> NDArray[np.float64]:
-    """Quantities by name as an array of shape (n, len(names)); each of shape (n,) or ()."""
-    out = np.empty((len(names), n))
-    for row, name in zip(out, names, strict=True):
-        row[:] = values[name]
-    return out.T
+def starting(
+    model: Model, values: Values, feasible: NDArray[np.bool_], n: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    """States at the start (n, n_states), constants (n, n_constants), and rows that can start.
+
+    Parameters
+    ----------
+    model : Model
+    values : mapping of str to ndarray of shape (n,) or ()
+        All quantities by name.
+    feasible : ndarray of shape (n,) or (), bool
+        Where there is an equilibrium.
+    n : int
+    """
+    x0, constants = (np.empty((len(names), n)) for names in (model.states, model.constants))
+    for rows, names in ((x0, model.states), (constants, model.constants)):
+        for row, name in zip(rows, names, strict=True):
+            row[:] = values[name]
+    return x0.T, constants.T, feasible & np.isfinite(x0).all(axis=0) & np.isfinite(constants).all(axis=0)
 
 
 def start_effects(

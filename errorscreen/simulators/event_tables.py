@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,9 @@ from errorscreen.events import GridEvent
 from errorscreen.exceptions import InputError
 from errorscreen.parameters import ParameterSpace
 from errorscreen.power.network import Network
+
+#: states of the grid that are remembered while the courses of an event are made
+_REMEMBERED = 4
 
 
 def what_happened(
@@ -106,6 +109,59 @@ def tables_in_time(
         segment[max(first, 0) :] = len(tables)
         tables.append(after)
     return np.array(tables), segment
+
+
+def courses(
+    happened: Iterable[tuple[NDArray[np.bool_], GridEvent]],
+    network: Network,
+    table: Callable[[Network], NDArray[np.float64]],
+    before: NDArray[np.float64],
+    instants: int,
+    n: int,
+    h: float,
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.bool_]]:
+    """Tables in the course of what happened in each of n simulations.
+
+    Parameters
+    ----------
+    happened : iterable of (ndarray of shape (n,), GridEvent)
+        See `what_happened`.
+    network, table, before, h
+        See `tables_in_time`.
+    instants : int
+        Steps, and one more.
+    n : int
+
+    Returns
+    -------
+    tables : ndarray of shape (n_states, n_tables)
+        That before the event first, which is common to all.
+    segment : ndarray of shape (n, instants)
+        See `Engine.integrate`.
+    possible : ndarray of shape (n,), bool
+        Two branches opened can leave an island.
+    """
+    known: list[tuple[Network, NDArray[np.float64]]] = []
+
+    def remembered(wanted: Network) -> NDArray[np.float64]:
+        """Table of a grid; a fault that only lasts longer leads to the same grids again."""
+        found = next((values for grid, values in known if grid == wanted), None)
+        if found is None:
+            found = table(wanted)
+            known.insert(0, (wanted, found))
+            del known[_REMEMBERED:]
+        return found
+
+    tables, segments, possible = [before], np.zeros((n, instants), dtype=np.int64), np.ones(n, dtype=bool)
+    for rows, event in happened:
+        try:
+            own, segment = tables_in_time(event, network, before, remembered, h, instants - 1, exact=False)
+        except InputError:
+            possible[rows] = False
+            continue
+        segments[rows] = np.where(segment > 0, segment + len(tables) - 1, 0)
+        tables += [*own[1:]]
+    return np.array(tables), segments, possible
 
 
 def steps_at_rest(segment: NDArray[np.int64], every: int) -> int:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numba
@@ -43,7 +43,7 @@ from errorscreen.simulators.user_functions import (
     nothing,
     selection,
 )
-from errorscreen.threads import threads_left
+from errorscreen.threads import side_by_side, threads_left
 
 #: a response beyond this is that of an unstable model, whatever its unit
 _PLAUSIBLE = 1e12
@@ -359,11 +359,7 @@ class ODESimulator(Simulator):
                     kernel(*arguments, *rooms, i, i + 1)
 
         with np.errstate(all="ignore"):
-            if threads <= 1 or len(tasks) == 1:
-                run(0, len(theta))
-            else:  # the kernel releases the interpreter lock
-                with ThreadPoolExecutor(threads) as pool:
-                    list(pool.map(lambda task: run(*task), tasks))
+            side_by_side([partial(run, *task) for task in tasks], threads)
         return out, h, every
 
     def trajectories(self, theta: ArrayLike, event: Event, device: str = "") -> dict[str, _Array]:

@@ -21,10 +21,11 @@ from errorscreen.resampling import check_steps
 from errorscreen.signals import correlation_time
 from errorscreen.simulators.assembly import (
     INSIDE,
+    Prepared,
     assemble,
-    columns,
     measured,
     start_effects,
+    starting,
     switched_off,
 )
 from errorscreen.simulators.base import Responses, Simulator, Status
@@ -266,17 +267,8 @@ class PlantSimulator(Simulator):
         )
         return dict(zip(self.device.states, out[0], strict=True))
 
-    def _prepared(
-        self, theta: NDArray[np.float64], event: Playback, step: float
-    ) -> tuple[
-        NDArray[np.float64],
-        NDArray[np.float64],
-        NDArray[np.bool_],
-        dict[str, NDArray[np.float64]],
-        float,
-        int,
-    ]:
-        """States at the start, constants, rows with an equilibrium, all values by name, step, and steps a sample."""
+    def _prepared(self, theta: NDArray[np.float64], event: Playback, step: float) -> Prepared:
+        """What a simulation needs to begin, see `Prepared`."""
         check_steps(event.time[-1] - event.time[0], step, "PlantSimulator, step")
         every = max(1, int(np.ceil(event.dt / step - 1e-9)))
         h = event.dt / every
@@ -288,12 +280,7 @@ class PlantSimulator(Simulator):
             values |= {state: values[name] for state, name in self.device.interface.states}
         values |= {name: np.full(len(theta), t - event.time[0]) for name, t in _instants(event).items()}
         values |= start_effects(self._inside, values, lambda effect: values, h)
-        x0, constants = (
-            columns(values, names, len(theta))
-            for names in (self._engine.model.states, self._engine.model.constants)
-        )
-        finite = np.isfinite(x0).all(axis=1) & np.isfinite(constants).all(axis=1)
-        return x0, constants, np.broadcast_to(feasible, finite.shape) & finite, values, h, every
+        return *starting(self._engine.model, values, feasible, len(theta)), values, h, every
 
     def _injected(self, event: Playback, every: int, *between: Any) -> NDArray[np.float64]:
         """Input of the engine; interpolation and jump say what lies between the samples."""

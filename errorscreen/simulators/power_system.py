@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -19,26 +19,25 @@ from errorscreen.parameters import ParameterSpace
 from errorscreen.power import LOAD, FixedMachine
 from errorscreen.power.load_flow import LoadFlow, solve_load_flow
 from errorscreen.power.network import Network
-from errorscreen.power.reduction import ReducedNetwork, reduce_network
+from errorscreen.power.reduction import reduce_network
 from errorscreen.recordings import Recording
 from errorscreen.simulators.assembly import (
     INSIDE,
+    Prepared,
     check_ports,
-    columns,
     measured,
     start_effects,
+    starting,
     switched_off,
 )
 from errorscreen.simulators.base import Responses, Simulator, Status
-from errorscreen.simulators.event_tables import steps_at_rest, tables_in_time, what_happened
+from errorscreen.simulators.event_tables import courses, steps_at_rest, tables_in_time, what_happened
 from errorscreen.simulators.grid_assembly import GridModel, grid_effects, machine_prefix, qualified
 from errorscreen.simulators.grid_unit import LoadUnderTest, Unit, at_rest, check_terminals
 from errorscreen.simulators.recent import Recent
 
 #: a channel beyond this is not that of a grid, in pu
 _PLAUSIBLE = 1e3
-#: states of the grid that are remembered while the courses of an event are made
-_REMEMBERED = 4
 
 Values = dict[str, NDArray[np.float64]]
 
@@ -160,7 +159,7 @@ class PowerSystemSimulator(Simulator):
         self._engine = engines[engine](self._grid.model(), n_threads)
         self._flows: dict[float, LoadFlow] = {}
         self._recent = Recent()
-        self._reduced(self._flow(event), self.network)  # an unknown bus or branch shows here
+        self._table(event)(self.network)  # an unknown bus or branch shows here
 
     def __repr__(self) -> str:
         return (
@@ -271,34 +270,18 @@ class PowerSystemSimulator(Simulator):
         """States of the grid, which of them holds in each step of each row, and rows to which this can happen."""
         altering = [e for e in self.extensions if e.kind == "event" and e.acts_in(event)]
         tables, segment = self._course(event, h, every)  # what is on record must be possible
-        possible = np.ones(len(theta), dtype=bool)
         if not altering:
-            return tables, segment, possible
-        network, table = self._flow(event).network, self._table(event)
-        known: list[tuple[Network, NDArray[np.float64]]] = []
-
-        def remembered(wanted: Network) -> NDArray[np.float64]:
-            """Table of a grid; a fault that only lasts longer leads to the same grids again."""
-            found = next((values for grid, values in known if grid == wanted), None)
-            if found is None:
-                found = table(wanted)
-                known.insert(0, (wanted, found))
-                del known[_REMEMBERED:]
-            return found
-
-        # the grid before the event is common to all
-        pool, segments = [*tables[:1]], np.zeros((len(theta), len(segment)), dtype=np.int64)
-        for rows, happened in what_happened(event, altering, theta, self.parameters):
-            try:
-                own, segment = tables_in_time(
-                    happened, network, tables[0], remembered, h, len(segment) - 1, exact=False
-                )
-            except InputError:  # two branches opened can leave an island
-                possible[rows] = False
-                continue
-            segments[rows] = np.where(segment > 0, segment + len(pool) - 1, 0)
-            pool += [*own[1:]]
-        return np.array(pool), segments, possible
+            return tables, segment, np.ones(len(theta), dtype=bool)
+        happened = what_happened(event, altering, theta, self.parameters)
+        return courses(
+            happened,
+            self._flow(event).network,
+            self._table(event),
+            tables[0],
+            segment.shape[-1],
+            len(theta),
+            h,
+        )
 
     def _course(
         self, event: GridEvent, h: float, every: int
@@ -315,22 +298,22 @@ class PowerSystemSimulator(Simulator):
 
     def _table(self, event: GridEvent) -> Callable[[Network], NDArray[np.float64]]:
         """What gives the table of a state of the grid, with loads that draw their power before an event."""
-        flow = self._flow(event)
-        return lambda network: self._grid.table(self._reduced(flow, network))
+        reduced = partial(
+            reduce_network,
+            terminals=self._terminals(),
+            load_voltages=self._flow(event).voltage,
+            observed=[w for w in self.observed.values() if not isinstance(w, tuple)],
+            flows=[w for w in self.observed.values() if isinstance(w, tuple)],
+            admittances={m.bus: m.admittance for m in self.machines},
+        )
+        return lambda network: self._grid.table(reduced(network))
 
-    def _prepared(
-        self, theta: NDArray[np.float64], event: GridEvent
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_], Values, float, int]:
-        """States at the start, constants, rows with an equilibrium, all values by name, step, and steps a sample."""
+    def _prepared(self, theta: NDArray[np.float64], event: GridEvent) -> Prepared:
+        """What a simulation needs to begin, see `Prepared`."""
         every = max(1, int(np.ceil(event.dt / self.step - 1e-9)))
         h = event.dt / every
         values, feasible = self._start(theta, self._flow(event), event, h)
-        x0, constants = (
-            columns(values, group, len(theta))
-            for group in (self._engine.model.states, self._engine.model.constants)
-        )
-        start = feasible & np.isfinite(x0).all(axis=1) & np.isfinite(constants).all(axis=1)
-        return x0, constants, start, values, h, every
+        return *starting(self._engine.model, values, feasible, len(theta)), values, h, every
 
     def observe(self, recording: Any, event: Event | None = None) -> Observation:
         """Bring a recording onto this simulator's channels and the time axis of what happened.
@@ -390,17 +373,6 @@ class PowerSystemSimulator(Simulator):
                 network = network.with_load_scaled(event.level).with_generation_scaled(event.level)
             self._flows[event.level] = solve_load_flow(network)
         return self._flows[event.level]
-
-    def _reduced(self, flow: LoadFlow, network: Network) -> ReducedNetwork:
-        """One state of the grid, seen from the terminals."""
-        return reduce_network(
-            network,
-            self._terminals(),
-            load_voltages=flow.voltage,
-            observed=[w for w in self.observed.values() if not isinstance(w, tuple)],
-            flows=[w for w in self.observed.values() if isinstance(w, tuple)],
-            admittances={m.bus: m.admittance for m in self.machines},
-        )
 
     def _start(
         self, theta: NDArray[np.float64], flow: LoadFlow, event: GridEvent, h: float

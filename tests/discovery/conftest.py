@@ -1,4 +1,4 @@
-"""Two models of users with something hidden in their recordings."""
+"""Models with something hidden in their recordings."""
 
 import numpy as np
 import pytest
@@ -6,12 +6,15 @@ import pytest
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery.hypotheses import JointFit
 from errorscreen.events import InputSignal
+from errorscreen.observations import Observation
 from errorscreen.parameters import Parameter
 from errorscreen.recordings import Recording
 from errorscreen.simulators import ODESimulator
+from tests.plants import dip, plant
 from tests.simulators.models import oscillator, push
 
 NOISE = 0.01
+PLANT_NOISE = np.array([2e-3, 2e-3])
 
 
 def store_rhs(t, x, u, p, dx):
@@ -62,3 +65,19 @@ def stuck_relay(relay):
     problem = FitProblem(model.extend(effect), observation)
     start = (np.array([0.55, 0.22, 0.5, 2.6, 4.0]) - problem.space.nominal) / problem.space.scales
     return problem, JointFit((effect,), problem, start).run(30).hypothesis()
+
+
+def observed(simulator, theta, seed=0):
+    """Observation of a simulator at some parameters, with noise."""
+    y = simulator.simulate(theta).require_ok().values[0]
+    noisy = y + PLANT_NOISE[:, None] * np.random.default_rng(seed).standard_normal(y.shape)
+    return Observation(simulator.event, noisy, PLANT_NOISE, simulator.channels, simulator.units)
+
+
+@pytest.fixture(scope="module")
+def hidden():
+    """A machine with deviating parameters and an exciter, and what was recorded of it."""
+    base = plant("synchronous_machine", dip(stop=5.0))
+    theta = base.parameters.nominal * np.random.default_rng(1).uniform(0.85, 1.15, 8)
+    values = np.array([120.0, 0.2, 6.0, 0.1])
+    return base, theta, values, observed(base.extend("exciter"), np.concatenate([theta, values]))

@@ -5,35 +5,18 @@ import pytest
 
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.calibration.search import BoundedSearch, Track
-from errorscreen.discovery.hypotheses import PRIOR, JointFit, described, fit_hypothesis, linearised, race
+from errorscreen.discovery.hypotheses import PRIOR, JointFit, described, fit_hypothesis, linearised
 from errorscreen.discovery.signatures import SignatureSearch
 from errorscreen.observations import Observation
+from tests.discovery.conftest import PLANT_NOISE, observed
 from tests.plants import dip, plant
 from tests.simulators.models import oscillator
-
-NOISE = np.array([2e-3, 2e-3])
-
-
-def recorded(simulator, theta, seed=0):
-    """Observation of a simulator at some parameters, with noise."""
-    y = simulator.simulate(theta).require_ok().values[0]
-    noisy = y + NOISE[:, None] * np.random.default_rng(seed).standard_normal(y.shape)
-    return Observation(simulator.event, noisy, NOISE, simulator.channels, simulator.units)
-
-
-@pytest.fixture(scope="module")
-def hidden():
-    """A machine with deviating parameters and an exciter, and what was recorded of it."""
-    base = plant("synchronous_machine", dip(stop=5.0))
-    theta = base.parameters.nominal * np.random.default_rng(1).uniform(0.85, 1.15, 8)
-    values = np.array([120.0, 0.2, 6.0, 0.1])
-    return base, theta, values, recorded(base.extend("exciter"), np.concatenate([theta, values]))
 
 
 def test_evidence_is_the_marginal_likelihood_of_a_linear_model():
     """z = r + J u with u ~ N(0, s²): ln N(r; 0, I + s² J Jᵀ), up to the constant that all models share."""
     base = plant("synchronous_machine", dip(stop=2.0))
-    problem = FitProblem(base, recorded(base, base.parameters.nominal))
+    problem = FitProblem(base, observed(base, base.parameters.nominal))
     rng = np.random.default_rng(0)
     n, k = problem.n_values, 8
     J, r = rng.standard_normal((n, k)) * 3, rng.standard_normal(n)
@@ -59,7 +42,7 @@ def test_the_joint_fit_finds_parameters_and_effect(hidden):
     triples = list(intervals.values())
     assert all(low <= value <= high for value, low, high in triples)
     assert sum(low <= true <= high for (_, low, high), true in zip(triples, values, strict=True)) >= 3
-    assert np.abs(found.predict(observation.event) - observation.values).std() < 1.2 * NOISE[0]
+    assert np.abs(found.predict(observation.event) - observation.values).std() < 1.2 * PLANT_NOISE[0]
 
 
 def test_intervals_hold_hidden_values_as_often_as_they_say():
@@ -87,23 +70,6 @@ def test_a_fit_goes_on_where_it_stopped(hidden):
     first = in_parts.run(3).objective
     assert in_parts.run(5).objective == at_once.objective
     assert in_parts.gained == pytest.approx(first - at_once.objective)
-
-
-def test_a_fit_at_rest_far_above_the_best_is_not_led_to_its_end(hidden):
-    """What a race leaves alone is what cannot win: the winner gets as far as it does by itself."""
-    base, theta, values, observation = hidden
-    problems = [FitProblem(base.extend(name), observation) for name in ("exciter", "lag_P")]
-    starts = [
-        (np.concatenate([theta * 1.03, own]) - p.space.nominal) / p.space.scales
-        for p, own in zip(problems, (values, problems[1].space.nominal[8:]), strict=True)
-    ]
-    fits = [JointFit(p.simulator.extensions, p, u).run(5) for p, u in zip(problems, starts, strict=True)]
-    assert race(fits) == fits
-    winner, loser = fits
-    alone = fit_hypothesis(winner.effects, FitProblem(winner.problem.simulator, observation), starts[0])
-    assert winner.objective == pytest.approx(alone.objective, rel=1e-12)
-    assert loser.objective > 10 * winner.objective
-    assert not loser.may_reach(winner.objective)
 
 
 def test_the_right_effect_has_the_best_signature(hidden):
