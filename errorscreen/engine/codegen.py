@@ -50,14 +50,14 @@ def evaluate(lanes, b, u, j, tables, s, on):
 
 
 @numba.njit(error_model="numpy")
-def sample(lanes, b, u, j, tables, s, on):
+def observe(lanes, b, u, j, tables, s, on):
 {inputs}
-{sample}
+{observe}
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def integrate(
-    lanes, x0, constants, memories, u, tables, segment, h, every, spans, active_spans, rows, switched, out, first, last
+    lanes, x0, constants, u, tables, segment, h, every, spans, active_spans, rows, switched, out, first, last
 ):
     b = np.zeros({size})
     for block in range(first, last):
@@ -66,12 +66,11 @@ def integrate(
         active = active_spans[block]
         load(b, x0, block, {lanes}, 0)
         load(b, constants, block, {lanes}, {constants})
-        load(b, memories, block, {lanes}, {memories})
         for step in range(segment.shape[1]):
             {tables}
             evaluate(lanes, b, u, 2 * step, tables, s, on)
-            sample(lanes, b, u, 2 * step, tables, s, on)
             if step % every == 0:
+                observe(lanes, b, u, 2 * step, tables, s, on)
                 store(out, b, block, {lanes}, rows, step // every)
             if step + 1 == segment.shape[1]:
                 break
@@ -87,7 +86,7 @@ def integrate(
 
 @dataclass(frozen=True)
 class Layout:
-    """Rows of the buffer: states, derivatives, start values, sums, constants, memories, signals, tables.
+    """Rows of the buffer: states, derivatives, start values, sums, constants, signals, tables.
 
     States that belong to a switch lie behind the others, in the order of `Model.gated`. Tables have rows only where
     each simulation has its own; `size` is without them.
@@ -97,7 +96,6 @@ class Layout:
     states: tuple[str, ...]
     spans: tuple[tuple[int, int], ...]
     constants: int
-    memories: int
     size: int
 
     @classmethod
@@ -112,10 +110,9 @@ class Layout:
         rows = {name: i for i, name in enumerate(states)}
         rows |= {f"d_{name}": nx + i for i, name in enumerate(states)}
         constants = 4 * nx
-        memories = constants + len(model.constants)
-        for name in (*model.constants, *model.memories, *model.signals):
+        for name in (*model.constants, *model.signals):
             rows[name] = constants + len(rows) - 2 * nx
-        return cls(rows, tuple(states), tuple(spans), constants, memories, constants + len(rows) - 2 * nx)
+        return cls(rows, tuple(states), tuple(spans), constants, constants + len(rows) - 2 * nx)
 
 
 def _loop(call: Call, model: Model, layout: Layout, lanes: int, own_tables: bool, symbol: str) -> str:
@@ -159,7 +156,7 @@ def source(model: Model, lanes: int, own_tables: bool = False) -> str:
     )
     loops: dict[bool, list[str]] = {False: [], True: []}
     for call in model.calls:
-        loops[call.each_step].append(_loop(call, model, layout, lanes, own_tables, symbol[call.function]))
+        loops[call.recorded].append(_loop(call, model, layout, lanes, own_tables, symbol[call.function]))
     return _TEMPLATE.format(
         name=model.name,
         imports=imports,
@@ -170,7 +167,7 @@ def source(model: Model, lanes: int, own_tables: bool = False) -> str:
         )
         or "    pass",
         evaluate="\n".join(loops[False]) or "    pass",
-        sample="\n".join(loops[True]) or "    pass",
+        observe="\n".join(loops[True]) or "    pass",
         tables=f"s = 0\n            place(b, tables, segment, block, {lanes}, {layout.size}, step)"
         if own_tables
         else "s = segment[0, step]",
@@ -178,7 +175,6 @@ def source(model: Model, lanes: int, own_tables: bool = False) -> str:
         lanes=lanes,
         shift=len(layout.states),
         constants=layout.constants,
-        memories=layout.memories,
     )
 
 

@@ -87,7 +87,6 @@ class Engine:
         *,
         h: float,
         every: int = 1,
-        memories: NDArray[np.float64] | None = None,
         tables: NDArray[np.float64] | None = None,
         segment: NDArray[np.int64] | None = None,
         record: Sequence[str] | None = None,
@@ -105,8 +104,6 @@ class Engine:
             Step in seconds.
         every : int
             Outputs are recorded at each `every`-th step, the first included.
-        memories : ndarray of shape (n, n_memories), optional
-            Start values of what sampled calls remember.
         tables : ndarray of shape (n_segments, n_tables), optional
             Values of ``model.tables`` in each segment of the event.
         segment : ndarray of shape (n_steps + 1,) or (n, n_steps + 1), int, optional
@@ -125,7 +122,6 @@ class Engine:
         n = len(x0)
         model, layout = self.model, self.layout
         lanes = self._lanes(n)
-        memories = np.zeros((n, len(model.memories))) if memories is None else memories
         blocks = -(-n // lanes)
         on = self._any_in_block(constants, self._switches, blocks, lanes)
         active = np.ones((blocks, len(layout.spans)), dtype=bool)
@@ -137,7 +133,6 @@ class Engine:
             np.uint64(lanes),
             np.ascontiguousarray(x0[:, self._order]),
             np.ascontiguousarray(constants, dtype=float),
-            np.ascontiguousarray(memories, dtype=float),
             np.ascontiguousarray(u, dtype=float),
             tables,
             segment,
@@ -164,7 +159,7 @@ class Engine:
         h: float,
         tables: NDArray[np.float64] | None = None,
     ) -> NDArray[np.bool_]:
-        """Whether a step without inputs and memories changes no state, so that none ever will.
+        """Whether a step without inputs changes no state, so that none ever will.
 
         Clocks are states: where one runs, something may still happen. States that belong to a switch do not count where
         it is off; beside a simulation in which it is on they may move, but nothing reads them.
@@ -216,14 +211,13 @@ class ReferenceEngine(Engine):
         *,
         h: float,
         every: int = 1,
-        memories: NDArray[np.float64] | None = None,
         tables: NDArray[np.float64] | None = None,
         segment: NDArray[np.int64] | None = None,
         record: Sequence[str] | None = None,
     ) -> NDArray[np.float64]:
         """Integrate and record the outputs; see `Engine.integrate`."""
         model, n = self.model, len(x0)
-        b = self._named(x0, constants, memories)
+        b = self._named(x0, constants)
         steps = len(u) // 2
         tables, segment = _segments(model, n, steps, tables, segment)
         record = model.outputs if record is None else record
@@ -233,8 +227,8 @@ class ReferenceEngine(Engine):
                 holding = tables[segment[:, step]].T
                 b |= {name: np.resize(row, n) for name, row in zip(model.tables, holding, strict=True)}
                 f1 = self._derivatives(b, u[2 * step])
-                self._evaluate(b, u[2 * step], each_step=True)
                 if step % every == 0:
+                    self._evaluate(b, u[2 * step], recorded=True)
                     out[:, :, step // every] = np.array([b[name] for name in record]).T
                 if step == steps:
                     break
@@ -258,18 +252,17 @@ class ReferenceEngine(Engine):
         tables: NDArray[np.float64] | None = None,
     ) -> NDArray[np.float64]:
         """Derivatives of the states, shape (n, n_states), for inputs of shape (n_inputs,) and tables (n_tables,)."""
-        b = self._named(x, constants, None)
+        b = self._named(x, constants)
         self._set(b, self.model.tables, np.zeros(0) if tables is None else tables)
         slopes = self._derivatives(b, u)
         return np.array([slopes[name] for name in self.model.states]).T
 
     def _named(
-        self, x: NDArray[np.float64], constants: NDArray[np.float64], memories: NDArray[np.float64] | None
+        self, x: NDArray[np.float64], constants: NDArray[np.float64]
     ) -> dict[str, NDArray[np.float64]]:
         """All given quantities by name, each of shape (n,)."""
         model = self.model
-        memories = np.zeros((len(x), len(model.memories))) if memories is None else memories
-        groups = ((model.states, x), (model.constants, constants), (model.memories, memories))
+        groups = ((model.states, x), (model.constants, constants))
         return {
             name: np.array(column, dtype=float)
             for names, rows in groups
@@ -282,19 +275,17 @@ class ReferenceEngine(Engine):
         like = next(iter(b.values()))
         b |= {name: np.full_like(like, value) for name, value in zip(names, values, strict=True)}
 
-    def _evaluate(
-        self, b: dict[str, NDArray[np.float64]], u: NDArray[np.float64], *, each_step: bool
-    ) -> None:
+    def _evaluate(self, b: dict[str, NDArray[np.float64]], u: NDArray[np.float64], *, recorded: bool) -> None:
         self._set(b, self.model.inputs, u)
         for call in self.model.calls:
-            if call.each_step == each_step and (not call.switch or np.any(b[call.switch] != 0)):
+            if call.recorded == recorded and (not call.switch or np.any(b[call.switch] != 0)):
                 results = call.function(*(b[name] for name in call.reads))
                 b |= dict(zip(call.writes, results, strict=True))
 
     def _derivatives(
         self, b: dict[str, NDArray[np.float64]], u: NDArray[np.float64]
     ) -> dict[str, NDArray[np.float64]]:
-        self._evaluate(b, u, each_step=False)
+        self._evaluate(b, u, recorded=False)
         zero = np.zeros_like(next(iter(b.values())))
         return {name: np.asarray(b.get(f"d_{name}", zero)) for name in self.model.states}
 

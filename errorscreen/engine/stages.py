@@ -56,15 +56,15 @@ class Call:
     switch : str, default ""
         Quantity that must be nonzero in at least one simulation of a block for the call to be made;
         empty: always made.
-    each_step : bool, default False
-        Made once per step instead of at every Runge-Kutta stage (sampled effects).
+    recorded : bool, default False
+        Made only where outputs are recorded, after all others, instead of at every Runge-Kutta stage.
     """
 
     function: Equations
     reads: tuple[str, ...]
     writes: tuple[str, ...]
     switch: str = ""
-    each_step: bool = False
+    recorded: bool = False
 
 
 @dataclass(frozen=True)
@@ -83,8 +83,6 @@ class Model:
     calls : tuple of Call
     outputs : tuple of str
         Recorded quantities.
-    memories : tuple of str
-        Quantities that sampled calls carry from step to step.
     gated : tuple of (str, tuple of str)
         Switch and the states that exist only while it is on; they are integrated only then.
     tables : tuple of str
@@ -104,13 +102,12 @@ class Model:
     constants: tuple[str, ...]
     calls: tuple[Call, ...]
     outputs: tuple[str, ...]
-    memories: tuple[str, ...] = ()
     gated: tuple[tuple[str, tuple[str, ...]], ...] = ()
     tables: tuple[str, ...] = ()
     signals: tuple[str, ...] = field(init=False)
 
     def __post_init__(self) -> None:
-        available = dict.fromkeys((*self.inputs, *self.tables, *self.states, *self.constants, *self.memories))
+        available = dict.fromkeys((*self.inputs, *self.tables, *self.states, *self.constants))
         given = tuple(available)
         for call in self.calls:
             for name in call.reads:

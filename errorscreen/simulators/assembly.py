@@ -74,7 +74,7 @@ def assemble(device: Device, effects: Iterable[Effect], behind_impedance: bool =
             effect_call(effect) for name in writes_of(function) for effect in effects if effect.port == name
         )
     for name in device.outputs:
-        calls.append(Call(channel, (name,), (f"channel.{name}",), each_step=True))
+        calls.append(Call(channel, (name,), (f"channel.{name}",), recorded=True))
     return Model(
         name=device.name,
         inputs=inputs,

@@ -174,9 +174,9 @@ class GridModel:
         )
 
     def _add(
-        self, function: Equations, reads: Iterable[str], writes: Iterable[str], each_step: bool = False
+        self, function: Equations, reads: Iterable[str], writes: Iterable[str], recorded: bool = False
     ) -> None:
-        self._calls.append(Call(function, tuple(reads), tuple(writes), each_step=each_step))
+        self._calls.append(Call(function, tuple(reads), tuple(writes), recorded=recorded))
 
     def _stage(self, prefix: str, function: Equations) -> None:
         """Call a stage with the names of its arguments and results, those of one unit."""
@@ -242,15 +242,15 @@ class GridModel:
             channel = f"channel.{name}"
             parts = ("V", "I") if isinstance(where, tuple) else ("V",)
             for part in parts:
-                self._sum(f"{channel}.{part}", channel, f"{part}0", self._known(), each_step=True)
+                self._sum(f"{channel}.{part}", channel, f"{part}0", self._known(), recorded=True)
                 start = _of(channel, f"{part}0r", f"{part}0i")
-                self._sum(f"{channel}.{part}", channel, part, self._unknown(), start=start, each_step=True)
+                self._sum(f"{channel}.{part}", channel, part, self._unknown(), start=start, recorded=True)
             function = elimination.arriving_power if len(parts) == 2 else elimination.magnitude
             self._add(
                 function,
                 (n for p in parts for n in _of(channel, f"{p}r", f"{p}i")),
                 (channel,),
-                each_step=True,
+                recorded=True,
             )
 
     def _known(self) -> list[tuple[str, ...]]:
@@ -270,19 +270,19 @@ class GridModel:
         terms: list[tuple[str, ...]],
         *,
         start: tuple[str, ...] = (),
-        each_step: bool = False,
+        recorded: bool = False,
     ) -> None:
         """Add the voltages of several currents at one row of the grid to `start`, (G1)."""
         target = _of(owner, f"{name}r", f"{name}i")
         if not start:
             (column, *current), *terms = terms
-            self._add(elimination.product, (*current, *_impedance(row, column)), target, each_step)
+            self._add(elimination.product, (*current, *_impedance(row, column)), target, recorded)
             start = target
         while terms or start != target:
             count = max(n for n in _SUMS if n <= len(terms))
             function = _SUMS[count]
             reads = (n for column, *current in terms[:count] for n in (*current, *_impedance(row, column)))
-            self._add(function, (*start, *reads), target, each_step)
+            self._add(function, (*start, *reads), target, recorded)
             start, terms = target, terms[count:]
 
 

@@ -10,7 +10,7 @@ from errorscreen.exceptions import InputError
 
 CALLS = (
     Call(decay, ("x", "u", "T"), ("d_x",)),
-    Call(decay, ("x", "u", "T"), ("slope",), each_step=True),
+    Call(decay, ("x", "u", "T"), ("slope",), recorded=True),
 )
 LAG = Model("switched", (), ("x",), ("T",), CALLS, ("x", "slope"), tables=("u",))
 

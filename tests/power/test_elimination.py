@@ -94,8 +94,8 @@ def solved(network, v, grid, model):
     engine, b = ReferenceEngine(model), dict(v)
     engine._set(b, model.tables, grid.table(reduced))
     with np.errstate(all="ignore"):  # random states may be absurd for the controls behind the grid
-        for each_step in (False, True):
-            engine._evaluate(b, np.zeros(0), each_step=each_step)
+        for recorded in (False, True):
+            engine._evaluate(b, np.zeros(0), recorded=recorded)
     return b
 
 
