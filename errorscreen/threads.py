@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable
-from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
-from functools import wraps
-from threading import local
-from typing import ParamSpec, TypeVar
+from concurrent.futures import ThreadPoolExecutor, wait
+from functools import cache, wraps
+from threading import Lock, local
+from typing import Any, Generic, ParamSpec, TypeVar
 
 from threadpoolctl import threadpool_limits
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
-_BESIDE_OTHERS = local()
+_GROUP = local()
+#: threads beside the callers' own
+_MOST = 128
 
 
 def one_blas_thread(function: Callable[_P, _T]) -> Callable[_P, _T]:
@@ -48,7 +51,7 @@ def one_blas_thread(function: Callable[_P, _T]) -> Callable[_P, _T]:
 
 
 def side_by_side(calls: Iterable[Callable[[], _T]], threads: int) -> list[_T]:
-    """Results of some calls in their order, made in so many threads.
+    """Results of some calls in their order, made in so many threads, of which the caller's is one.
 
     Worth it where most of the time is spent in compiled code that releases the interpreter lock. Each call must have
     its own random numbers, so that its result does not depend on the others. After an exception nothing more begins,
@@ -72,27 +75,81 @@ def side_by_side(calls: Iterable[Callable[[], _T]], threads: int) -> list[_T]:
     [1, 2]
     """
     calls = list(calls)
-    if threads_left(threads) <= 1 or len(calls) <= 1:
+    threads = threads_left(threads)
+    if threads <= 1 or len(calls) <= 1:
         return [call() for call in calls]
-    pool = ThreadPoolExecutor(threads)
-    futures = [pool.submit(_called, call) for call in calls]
-    at_once = False
+    group = _Group(calls, threads)
+    helpers = [_pool().submit(group.work) for _ in range(min(threads, len(calls)) - 1)]
     try:
-        for future in wait(futures, return_when=FIRST_EXCEPTION).done:
-            future.result()
-        return [future.result() for future in futures]
+        group.work()
+        running = [helper for helper in helpers if not helper.cancel()]
+        if not isinstance(group.error, KeyboardInterrupt):
+            wait(running)
     except KeyboardInterrupt:
-        at_once = True
+        group.end()
         raise
-    finally:
-        pool.shutdown(wait=not at_once, cancel_futures=True)
+    if group.error is not None:
+        raise group.error
+    return group.results
 
 
 def threads_left(threads: int) -> int:
-    """As many threads, or one inside of a call that runs beside others: these share the cores already."""
-    return 1 if getattr(_BESIDE_OTHERS, "now", False) else threads
+    """As many threads, or fewer inside of a call that runs beside others.
+
+    These share the cores already; the last of them have those of the others that have ended.
+    """
+    group: _Group[Any] | None = getattr(_GROUP, "now", None)
+    return threads if group is None else min(threads, group.share)
 
 
-def _called(call: Callable[[], _T]) -> _T:
-    _BESIDE_OTHERS.now = True  # the thread belongs to these calls
-    return call()
+class _Group(Generic[_T]):
+    """Calls that some threads share: each takes the next one as long as there is one."""
+
+    def __init__(self, calls: list[Callable[[], _T]], threads: int) -> None:
+        self._calls, self._threads, self._lock = calls, threads, Lock()
+        self._begun, self._left = 0, len(calls)
+        self.results: list[Any] = [None] * len(calls)
+        self.error: BaseException | None = None
+
+    @property
+    def share(self) -> int:
+        """Threads for each of the calls that have not ended."""
+        return max(1, self._threads // max(1, self._left))
+
+    def work(self) -> None:
+        """Make calls until all have begun."""
+        outer, _GROUP.now = getattr(_GROUP, "now", None), self
+        try:
+            while (number := self._next()) < len(self._calls):
+                try:
+                    self.results[number] = self._calls[number]()
+                except BaseException as error:
+                    self.error = self.error or error
+                    self.end()
+                with self._lock:
+                    self._left -= 1
+        finally:
+            _GROUP.now = outer
+
+    def end(self) -> None:
+        """Let no more calls begin."""
+        with self._lock:
+            self._begun = len(self._calls)
+
+    def _next(self) -> int:
+        with self._lock:
+            number, self._begun = self._begun, self._begun + 1
+            return number
+
+
+@cache
+def _pool() -> ThreadPoolExecutor:
+    """Threads that wait for calls: to start one takes as long as a small batch of simulations.
+
+    There are as many as were ever needed at a time. Where none is free, the caller makes all calls itself.
+    """
+    return ThreadPoolExecutor(_MOST)
+
+
+# threads do not survive a fork
+os.register_at_fork(after_in_child=_pool.cache_clear)

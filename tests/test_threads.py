@@ -102,7 +102,33 @@ def test_after_an_interrupt_nothing_is_waited_for():
 
 
 def test_calls_beside_others_take_no_threads_of_their_own():
+    both = Barrier(2)
+
+    def left(threads):
+        both.wait(10.0)
+        found = threads_left(threads)
+        both.wait(10.0)
+        return found
+
     assert threads_left(4) == 4
-    assert side_by_side([partial(threads_left, 4)] * 3, 2) == [1, 1, 1]
+    assert side_by_side([partial(left, 4)] * 2, 2) == [1, 1]
     assert side_by_side([partial(threads_left, 4)], 2) == [4]
     assert threads_left(4) == 4
+
+
+def test_the_last_call_has_the_threads_of_those_that_have_ended():
+    def last():
+        deadline = time.monotonic() + 10.0
+        while threads_left(2) == 1 and time.monotonic() < deadline:
+            time.sleep(1e-3)
+        return [
+            threads_left(1),
+            threads_left(2),
+            threads_left(4),
+            *side_by_side([partial(threads_left, 2)] * 2, 4),
+        ]
+
+    # a call of the last one that runs beside another has one thread again, until that has ended too
+    found = side_by_side([partial(threads_left, 2), partial(threads_left, 2), last], 2)[-1]
+    assert found[:3] == [1, 2, 2]
+    assert set(found[3:]) <= {1, 2}
