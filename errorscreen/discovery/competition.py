@@ -16,6 +16,7 @@ from errorscreen.discovery.refinement import NAMED, PART, WORTH, Refinement
 from errorscreen.discovery.signatures import SignatureSearch
 from errorscreen.discovery.waves import anew, promised
 from errorscreen.effects.base import Effect
+from errorscreen.threads import side_by_side
 
 #: fits with one effect more that are led further
 _BEAM = 2
@@ -187,22 +188,17 @@ class Competition(Refinement):
     def _compete(
         self, problems: Mapping[tuple[Effect, ...], FitProblem], fits: Callable[[], Sequence[JointFit]]
     ) -> None:
-        """Keep fits of some problems, of which each has other effects, where they are new or lower."""
-        for fitted in self._journal.all_fitted(problems, lambda: [fit.hypothesis() for fit in fits()]):
-            before = self.fit_of(fitted.effects)
-            if before is None or fitted.objective < before.objective - WORTH:
-                self.keep(fitted, self.test(fitted), before)
+        """Make fits of some problems, of which each has other effects."""
+        self._take(problems, lambda: side_by_side([fit.hypothesis for fit in fits()], self.simulator.threads))
 
     def _lead(self, hypotheses: Sequence[Hypothesis]) -> None:
         """Lead the first of some hypotheses as far as they go."""
-        led = []
-        for hypothesis in hypotheses[:_BEAM]:
-            if hypothesis.objective not in self._led:
-                hypothesis = self._escape(hypothesis)
-                self._led.add(hypothesis.objective)
-            led.append(hypothesis)
-        if not self.adequate and led:
-            self._polish(min(led, key=lambda h: h.objective))
+        first = hypotheses[:_BEAM]
+        known = [h for h in first if h.objective in self._led]
+        led = self._escape([h for h in first if h not in known])
+        self._led |= {h.objective for h in led}
+        if not self.adequate and first:
+            self._polish(min(known + led, key=lambda h: h.objective))
 
     def _promised_fits(self, base: Hypothesis, searches: Sequence[SignatureSearch]) -> Sequence[JointFit]:
         threshold = base.objective - WORTH if self.is_adequate(base) else np.inf

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -17,8 +18,10 @@ from errorscreen.discovery.restarts import escapes, followed, off_the_edge, sear
 from errorscreen.discovery.signatures import projected
 from errorscreen.discovery.standings import Standings
 from errorscreen.effects.base import Effect
+from errorscreen.exceptions import SimulationError
 from errorscreen.observations import Observation
 from errorscreen.simulators.base import Simulator
+from errorscreen.threads import side_by_side
 
 #: an effect that does not promise to lower the objective by this much is not fitted beside parameters that suffice, and
 #: a fit that is not lower by it does not take the place of another one
@@ -77,26 +80,41 @@ class Refinement(Standings):
         self.keep(base, self.test(base))
         self._polish(base)
 
-    def _escape(self, hypothesis: Hypothesis) -> Hypothesis:
+    def _escape(self, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
+        """Lead some hypotheses out of local minima, side by side."""
+        problems = {h.effects: FitProblem(h.simulator, list(h.observations), h.names) for h in hypotheses}
+        ways = [partial(self._way_out, h, problems[h.effects]) for h in hypotheses]
+        self._take(problems, lambda: [h for h in side_by_side(ways, self.simulator.threads) if h is not None])
+        self.n_simulations += sum(problem.n_simulations for problem in problems.values())
+        return [self.fit_of(h.effects) or h for h in hypotheses]
+
+    def _way_out(self, hypothesis: Hypothesis, problem: FitProblem) -> Hypothesis | None:
         """Follow ways out of a local minimum, as long as they lead lower; with few parameters, search everywhere."""
-        problem = FitProblem(hypothesis.simulator, list(hypothesis.observations), hypothesis.names)
+        best, adequate = hypothesis, self.is_adequate(hypothesis)
         for _ in range(_ESCAPES):
-            if self.is_adequate(hypothesis):
-                break
-            better = self._better(hypothesis, problem, partial(self._ways_out, hypothesis, problem))
+            better = None if adequate else _lower(best, problem, partial(self._ways_out, best, problem))
             if better is None:
                 break
-            hypothesis = better
+            best, adequate = better, self.passes(self.test(better))
         many = any(effect.minima > 1 for effect in hypothesis.effects)
-        if many and len(problem.names) <= _FEW and not self.is_adequate(hypothesis):
-            hypothesis = (
-                self._better(hypothesis, problem, lambda: [searched(problem, self.seed)]) or hypothesis
-            )
-        self.n_simulations += problem.n_simulations
-        return hypothesis
+        if many and len(problem.names) <= _FEW and not adequate:
+            best = _lower(best, problem, lambda: [searched(problem, self.seed)]) or best
+        return None if best is hypothesis else best
 
     def _ways_out(self, hypothesis: Hypothesis, problem: FitProblem) -> list[_Array]:
         return escapes(hypothesis, problem, self.seed)[:_KEPT]
+
+    def _take(
+        self, problems: Mapping[tuple[Effect, ...], FitProblem], fit: Callable[[], Sequence[Hypothesis]]
+    ) -> None:
+        """Keep fits of some problems, of which each has other effects, where they are new or lower."""
+        befores = [
+            (fitted, self.fit_of(fitted.effects)) for fitted in self._journal.all_fitted(problems, fit)
+        ]
+        taken = [(h, old) for h, old in befores if old is None or h.objective < old.objective - WORTH]
+        remainders = side_by_side([partial(self.test, h) for h, _ in taken], self.simulator.threads)
+        for (fitted, before), remainder in zip(taken, remainders, strict=True):
+            self.keep(fitted, remainder, before)
 
     def _finish(self) -> None:
         """Lead what a verdict rests on to its minimum: a fit on its way there looks like something missing."""
@@ -132,11 +150,7 @@ class Refinement(Standings):
         worth: float = WORTH,
     ) -> Hypothesis | None:
         """Fit a hypothesis from other starts, and take it in place of this one; None if that does not lead lower."""
-
-        def fit() -> Hypothesis | None:
-            points = starts()
-            return followed(hypothesis, problem, points, worth) if len(points) else None
-
+        fit = partial(_lower, hypothesis, problem, starts, worth)
         better = self._journal.fitted(hypothesis.effects, problem, fit)
         if better is not None:
             self.keep(better, self.test(better), hypothesis)
@@ -211,7 +225,7 @@ class Refinement(Standings):
         growth = partial(begun, hypothesis, hypothesis.effects, problem, n, seed)
         better = self._better(hypothesis, problem, lambda: growth().run().reached)
         self.n_simulations += problem.n_simulations
-        return self._polish(self._escape(better or hypothesis))
+        return self._polish(self._escape([better or hypothesis])[0])
 
     def _refitted(
         self,
@@ -229,3 +243,16 @@ class Refinement(Standings):
         found = self._journal.fitted(effects, problem, lambda: fit_hypothesis(effects, problem, points))
         self.n_simulations += problem.n_simulations
         return found
+
+
+def _lower(
+    hypothesis: Hypothesis,
+    problem: FitProblem,
+    starts: Callable[[], Sequence[_Array] | _Array],
+    worth: float = WORTH,
+) -> Hypothesis | None:
+    """Fit of a hypothesis from other starts; None if that does not lead lower."""
+    with contextlib.suppress(SimulationError):
+        points = starts()
+        return followed(hypothesis, problem, points, worth) if len(points) else None
+    return None
