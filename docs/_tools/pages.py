@@ -41,7 +41,7 @@ MEASURED = {
     "ten_parameters": "python benchmarks/ten_parameters.py",
     "grid_search": "python benchmarks/grid_search.py",
     "discovery": "errorscreen bench discovery --case plant --scenarios 200 --seed 353",
-    "discovery_ieee39": "errorscreen bench discovery --case ieee39 --scenarios 200 --seed 151",
+    "discovery_ieee39": "errorscreen bench discovery --case ieee39 --scenarios 200 --seed 408",
     "discovery_curves": "python benchmarks/discovery_curves.py OUT plant 40",
     "discovery_curves_ieee39": "python benchmarks/discovery_curves.py OUT ieee39 24",
     "first_look": "python benchmarks/first_look.py",
