@@ -195,7 +195,7 @@ class Competition(Refinement):
         """Lead the first of some hypotheses as far as they go."""
         first = hypotheses[:_BEAM]
         known = [h for h in first if h.objective in self._led]
-        led = self._escape([h for h in first if h not in known])
+        led = self._escape([h for h in first if h.objective not in self._led])
         self._led |= {h.objective for h in led}
         if not self.adequate and first:
             self._polish(min(known + led, key=lambda h: h.objective))

@@ -15,6 +15,7 @@ from errorscreen.discovery.racing import attempted, race
 from errorscreen.effects.base import Effect
 from errorscreen.effects.latent_input import KNOTS
 from errorscreen.events import InputSignal, Playback
+from errorscreen.threads import side_by_side
 
 #: a signal that explains less than this share of what parameters leave beyond noise says nothing about the place
 _EXPLAINS = 0.1
@@ -103,7 +104,7 @@ def rank_places(base: Hypothesis) -> tuple[list[Place], int]:
         starts[0, : len(base.u)] = base.u
         calls.append(partial(_begun, signals, problems[-1], starts))
     threads = base.simulator.threads
-    found = [fit.hypothesis() for fit in race(attempted(calls, threads), threads)]
+    found = side_by_side([fit.hypothesis for fit in race(attempted(calls, threads), threads)], threads)
     count = sum(problem.n_simulations for problem in problems)
     shares = [_explained(hypothesis, base) for hypothesis in found]
     if not found or max(shares) < _EXPLAINS:

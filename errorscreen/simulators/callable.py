@@ -15,9 +15,9 @@ from errorscreen.events import Event
 from errorscreen.exceptions import InputError
 from errorscreen.observations import Observation
 from errorscreen.parameters import Parameter, ParameterSpace
-from errorscreen.recordings import Recording
 from errorscreen.simulators.assembly import measured
 from errorscreen.simulators.base import Responses, Simulator, Status
+from errorscreen.simulators.observations import check_recording
 from errorscreen.simulators.signal_records import Names, named, signal_observation
 from errorscreen.simulators.user_functions import identity
 
@@ -124,10 +124,7 @@ class CallableSimulator(Simulator):
         """
         if isinstance(recording, Observation):
             return recording
-        if not isinstance(recording, Recording):
-            raise InputError(
-                f"a {type(recording).__name__} is not a recording", allowed="Recording, Observation"
-            )
+        recording = check_recording(recording)
         return signal_observation(recording, self.inputs, self.channels, self.units, {})
 
     def part(self, observation: Observation, samples: int) -> Observation:

@@ -10,6 +10,7 @@ import numpy as np
 from errorscreen.exceptions import InputError
 from errorscreen.observations import Observation
 from errorscreen.parameters import ParameterSpace
+from errorscreen.recordings import Recording
 from errorscreen.simulators.base import Simulator
 
 
@@ -44,6 +45,19 @@ def as_observations(simulator: Simulator, recordings: Any) -> list[Observation]:
         _check(observation, simulator, f"recording {number} ({observation.event.name})")
         observations.append(observation)
     return observations
+
+
+def check_recording(item: Any) -> Recording:
+    """Return a recording as it is.
+
+    Raises
+    ------
+    InputError
+        If it is none.
+    """
+    if isinstance(item, Recording):
+        return item
+    raise InputError(f"a {type(item).__name__} is not a recording", allowed="Recording, Observation")
 
 
 def settled_observations(simulator: Simulator, recordings: Any) -> list[Observation]:

@@ -25,6 +25,7 @@ from errorscreen.simulators import ode_kernel
 from errorscreen.simulators.assembly import measured
 from errorscreen.simulators.base import Responses, Simulator, Status
 from errorscreen.simulators.initial_states import InitialStates
+from errorscreen.simulators.observations import check_recording
 from errorscreen.simulators.ode_library import effect_table, library, states_of
 from errorscreen.simulators.recent import Recent
 from errorscreen.simulators.signal_records import (
@@ -253,10 +254,7 @@ class ODESimulator(Simulator):
         """
         if isinstance(recording, Observation):
             return recording
-        if not isinstance(recording, Recording):
-            raise InputError(
-                f"a {type(recording).__name__} is not a recording", allowed="Recording, Observation"
-            )
+        recording = check_recording(recording)
         return signal_observation(recording, self.inputs, self.channels, self.units, self._initial.guesses)
 
     def settled(self, observation: Observation) -> Observation:

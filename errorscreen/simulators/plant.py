@@ -31,6 +31,7 @@ from errorscreen.simulators.assembly import (
 from errorscreen.simulators.base import Responses, Simulator, Status
 from errorscreen.simulators.driving_voltage import check_impedance, driving_voltage
 from errorscreen.simulators.injection_noise import noise_left, passed_energy, quantified
+from errorscreen.simulators.observations import check_recording
 from errorscreen.simulators.playback import playback_observation
 from errorscreen.simulators.recent import Recent
 
@@ -178,10 +179,7 @@ class PlantSimulator(Simulator):
         """
         if isinstance(recording, Observation):
             return recording
-        if not isinstance(recording, Recording):
-            raise InputError(
-                f"a {type(recording).__name__} is not a recording", allowed="Recording, Observation"
-            )
+        recording = check_recording(recording)
         observation = playback_observation(
             recording,
             self.channels,

@@ -20,7 +20,6 @@ from errorscreen.power import LOAD, FixedMachine
 from errorscreen.power.load_flow import LoadFlow, solve_load_flow
 from errorscreen.power.network import Network
 from errorscreen.power.reduction import reduce_network
-from errorscreen.recordings import Recording
 from errorscreen.simulators.assembly import (
     INSIDE,
     Prepared,
@@ -34,6 +33,7 @@ from errorscreen.simulators.base import Responses, Simulator, Status
 from errorscreen.simulators.event_tables import courses, steps_at_rest, tables_in_time, what_happened
 from errorscreen.simulators.grid_assembly import GridModel, grid_effects, machine_prefix, qualified
 from errorscreen.simulators.grid_unit import LoadUnderTest, Unit, at_rest, check_terminals
+from errorscreen.simulators.observations import check_recording
 from errorscreen.simulators.recent import Recent
 
 #: a channel beyond this is not that of a grid, in pu
@@ -247,12 +247,7 @@ class PowerSystemSimulator(Simulator):
     ) -> dict[str, NDArray[np.float64]]:
         """States of a unit on the time axis of an event, see `Simulator.trajectories`."""
         assert isinstance(event, GridEvent)
-        own = [
-            f"{device}.{state}"
-            for item in self._items
-            if item.model.name == device
-            for state in item.model.states
-        ]
+        own = [f"{device}.{s}" for i in self._items if i.model.name == device for s in i.model.states]
         x0, constants, start, _, h, every = self._prepared(self.parameters.validate(theta), event)
         if not start.all() or not own:
             return {}
@@ -273,15 +268,8 @@ class PowerSystemSimulator(Simulator):
         if not altering:
             return tables, segment, np.ones(len(theta), dtype=bool)
         happened = what_happened(event, altering, theta, self.parameters)
-        return courses(
-            happened,
-            self._flow(event).network,
-            self._table(event),
-            tables[0],
-            segment.shape[-1],
-            len(theta),
-            h,
-        )
+        network, table = self._flow(event).network, self._table(event)
+        return courses(happened, network, table, tables[0], segment.shape[-1], len(theta), h)
 
     def _course(
         self, event: GridEvent, h: float, every: int
@@ -334,10 +322,7 @@ class PowerSystemSimulator(Simulator):
         """
         if isinstance(recording, Observation):
             return recording
-        if not isinstance(recording, Recording):
-            raise InputError(
-                f"a {type(recording).__name__} is not a recording", allowed="Recording, Observation"
-            )
+        recording = check_recording(recording)
         where = f"recording {recording.name!r}"
         found = [name for name in self.channels if name in recording.channels]
         if not found:
