@@ -21,6 +21,8 @@ from errorscreen.simulators.base import Simulator
 _PLACEBO = 0.05
 #: a place whose signal explains less than this share of what parameters leave is a weak hint
 LITTLE = 0.5
+#: explanations at least so many times as probable as the first cannot be told from it
+ALIKE = 1 / 20
 #: names of effects that are told in a sentence, at most
 _TOLD = 6
 
@@ -158,6 +160,11 @@ def place_text(places: Sequence[Place], simulator: Simulator) -> str:
             f"A signal that enters at {first.place} of the {first.device} would explain it best, "
             f"{_percent(first.explained)} of what parameters leave ({first.text})."
         )
+        alike = [
+            f"{p.place} of the {p.device}" for p in places[1:] if p.probability >= ALIKE * first.probability
+        ]
+        if alike:
+            text += f" These recordings do not tell it from a signal at {', or at '.join(alike)}."
         if first.explained < LITTLE:
             text += " That is little: time stamps and filters of what was recorded may be wrong instead."
         return text

@@ -35,8 +35,6 @@ from errorscreen.simulators.observations import as_observations, settled_observa
 from errorscreen.simulators.user_functions import identity
 from errorscreen.threads import one_blas_thread
 
-#: hypotheses at most so many times less probable than the best cannot be told from it
-_ALIKE = 20.0
 #: least significance: what the bootstrap of `remainder_test` can tell apart
 _LEAST = 0.001
 
@@ -304,7 +302,8 @@ class CauseFinder(BaseEstimator):
         by_name, first = {h.name: h for h in self.hypotheses_}, self.causes_[0]
         self._chosen = by_name.get(first.name, self._base)
         self.groups_ = []
-        alike = [c for c in self.causes_ if c.name in by_name and c.probability * _ALIKE >= first.probability]
+        least = conclusions.ALIKE * first.probability
+        alike = [c for c in self.causes_ if c.name in by_name and c.probability >= least]
         if first.kind in ("effect", "measurement") and len(alike) > 1:
             members = [by_name[c.name] for c in alike]
             apart = conclusions.separating(members, tuple(self.events or ()))

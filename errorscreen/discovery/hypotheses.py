@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from errorscreen.calibration.attenuation import noise_slope, relieved
-from errorscreen.calibration.intervals import noise_inflation, posterior_covariance
+from errorscreen.calibration.intervals import posterior_covariance
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.calibration.search import BoundedSearch, Track
-from errorscreen.discovery.noise import by_recording
+from errorscreen.discovery.noise import inflation_of
 from errorscreen.effects.base import Effect
 from errorscreen.events import Event
 from errorscreen.observations import Observation
@@ -119,8 +119,7 @@ class Hypothesis:
     @property
     def inflation(self) -> float:
         """How much larger, and smoother, what is left is than noise, see `noise_inflation`."""
-        left = by_recording(self.observations, self.residuals)
-        return noise_inflation([np.where(o.mask, z, np.nan) for o, z in left], 0)
+        return inflation_of(self.observations, self.residuals)
 
     @property
     def levels(self) -> list[_Array]:

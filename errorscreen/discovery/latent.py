@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen.calibration.problem import FitProblem
+from errorscreen.discovery.fine_detail import Detailed, detailed
 from errorscreen.discovery.hypotheses import SLICE, Hypothesis, JointFit
 from errorscreen.discovery.racing import attempted, race
 from errorscreen.effects.base import Effect
-from errorscreen.effects.latent_input import KNOTS
+from errorscreen.effects.latent_input import KNOTS, PULSE
 from errorscreen.events import InputSignal, Playback
 from errorscreen.threads import side_by_side
 
@@ -23,6 +24,8 @@ _EXPLAINS = 0.1
 _MOVES = 0.5
 #: power of what a place leaves beyond noise, as for effects whose form is wrong
 _FORM = 2.0
+#: how much more probable a place can be for its signal alone, where another one leaves no more
+_SIMPLER = 3.0
 
 _Array = NDArray[np.float64]
 
@@ -38,7 +41,7 @@ class Place:
     probability : float
         Among all ports.
     chi2_per_sample : float
-        With the signal.
+        With the signal and its fine detail.
     time, waveform : ndarray of shape (L,)
         Of the signal in the first recording, in the unit of the port.
     follows : tuple of (str, float)
@@ -72,8 +75,9 @@ class Place:
 def rank_places(base: Hypothesis) -> tuple[list[Place], int]:
     """Fit an unknown signal at each port together with all parameters, one of its own in each recording.
 
-    A fit that has come to rest far above the best is not led to its end (`race`). Where even a signal of free shape
-    does not fit, evidence says less about the place (`probabilities_of`).
+    A fit that has come to rest far above the best is not led to its end (`race`). Signals are compared with detail that
+    their knots are too coarse for (`detailed`). Where even that does not fit, evidence says less about the place
+    (`probabilities_of`).
 
     Parameters
     ----------
@@ -96,8 +100,8 @@ def rank_places(base: Hypothesis) -> tuple[list[Place], int]:
         simulator = base.simulator
         for signal in signals:
             simulator = simulator.extend(signal)
-        on = {signal.local(signal.strength.name) for signal in signals}
-        names = [name for name in simulator.parameters.names if name not in on]
+        fixed = {signal.local(name) for signal in signals for name in (signal.strength.name, *PULSE)}
+        names = [name for name in simulator.parameters.names if name not in fixed]
         problems.append(FitProblem(simulator, list(base.observations), names))
         # fitted parameters have made up for much of what is missing; from there a signal often ends in a local minimum
         starts = np.zeros((2, len(names)))
@@ -109,9 +113,11 @@ def rank_places(base: Hypothesis) -> tuple[list[Place], int]:
     shares = [_explained(hypothesis, base) for hypothesis in found]
     if not found or max(shares) < _EXPLAINS:
         return [], count
-    weights = probabilities_of(found)
+    full = side_by_side([partial(detailed, hypothesis) for hypothesis in found], threads)
+    count += sum(signal.n_simulations for signal in full)
+    weights = probabilities_of(full)
     moving = _moving(base)
-    places = [_place(h, float(w), share, moving) for h, w, share in zip(found, weights, shares, strict=True)]
+    places = [_place(s, float(w), share, moving) for s, w, share in zip(full, weights, shares, strict=True)]
     return sorted(places, key=lambda p: (-p.probability, p.chi2_per_sample)), count
 
 
@@ -119,28 +125,30 @@ def _begun(signals: Sequence[Effect], problem: FitProblem, starts: _Array) -> Jo
     return JointFit(signals, problem, starts).run(SLICE).keep(1)
 
 
-def probabilities_of(found: Sequence[Hypothesis]) -> _Array:
-    """Probabilities by evidence, or by what each place leaves, whichever tells them less apart.
+def probabilities_of(found: Sequence[Detailed]) -> _Array:
+    """Probabilities by evidence, within what is left at each place.
 
     What the best leaves beyond noise counts as noise of that size and smoothness (`noise_inflation`). But it is no
-    noise: a signal between knots and a device with other parameters leave errors of form everywhere, and the wrong
-    place can leave a little less of them. So weights are no further apart than the squares of what is left.
+    noise: a linear model of the detail, and a device with other parameters, leave errors of form everywhere, and the
+    wrong place can leave a little less of them. And where two leave as little, evidence tells which signal is simpler:
+    an input of a controller and its output explain the same by different signals. So the odds of two places are no
+    longer than the squares of what they leave, and three to one for the simpler signal.
 
     Parameters
     ----------
-    found : sequence of Hypothesis
+    found : sequence of Detailed
         One for each place.
 
     Returns
     -------
     ndarray of shape (n,)
     """
-    evidence = np.array([hypothesis.evidence for hypothesis in found])
+    evidence = np.array([signal.evidence for signal in found])
     best = int(np.argmax(evidence))
     n = len(found[best].residuals)
-    left = np.array([max(hypothesis.chi2 - n, np.sqrt(2.0 * n)) for hypothesis in found])
+    left = np.array([max(signal.chi2 - n, np.sqrt(2.0 * n)) for signal in found])
     by_evidence = (evidence[best] - evidence) / found[best].inflation
-    by_form = np.maximum(_FORM * np.log(left / left[best]), 0.0)
+    by_form = np.maximum(_FORM * np.log(left / left[best]), 0.0) + np.log(_SIMPLER)
     weights = np.exp(-np.minimum(by_evidence, by_form))
     return np.asarray(weights / weights.sum())
 
@@ -182,8 +190,9 @@ def _moving(base: Hypothesis) -> dict[str, dict[str, _Array]]:
 
 
 def _place(
-    hypothesis: Hypothesis, probability: float, explained: float, moving: dict[str, dict[str, _Array]]
+    found: Detailed, probability: float, explained: float, moving: dict[str, dict[str, _Array]]
 ) -> Place:
+    hypothesis = found.hypothesis
     effect, observation = hypothesis.effects[0], hypothesis.observations[0]
     parameters = hypothesis.simulator.parameters
     knots = hypothesis.theta[[parameters.index(effect.local(f"a{i}")) for i in range(KNOTS)]]
@@ -202,7 +211,7 @@ def _place(
         device,
         effect.port,
         probability,
-        hypothesis.chi2_per_sample,
+        found.chi2_per_sample,
         time,
         signal,
         tuple(follows),

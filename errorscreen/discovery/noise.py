@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.signal import detrend
 
+from errorscreen.calibration.intervals import noise_inflation
 from errorscreen.observations import Observation
 from errorscreen.signals import correlation_time
 
@@ -115,3 +116,9 @@ def by_recording(
         out.append((observation, full))
         first += count
     return out
+
+
+def inflation_of(observations: Sequence[Observation], residuals: ArrayLike) -> float:
+    """How much larger, and smoother, residuals (N,) are than noise, see `noise_inflation`."""
+    left = by_recording(observations, residuals)
+    return noise_inflation([np.where(o.mask, z, np.nan) for o, z in left], 0)

@@ -1,12 +1,14 @@
 r"""Latent input: an unknown signal added at a port, to find where something enters that no effect explains.
 
-Piecewise linear between knots :math:`t_i`, zero before the event and after the last knot:
+Piecewise linear between knots :math:`t_i`, zero before the event and after the last knot, and one pulse:
 
-.. math:: u = u^* + \sum_i a_i\,\Lambda_i(t)                                                   \qquad (I1)
+.. math:: u = u^* + \sum_i a_i\,\Lambda_i(t) + p\,\Lambda\Big(\frac{(t - t_e)/W - c}{w}\Big), \quad
+    \Lambda(x) = \max(0, 1 - |x|)                                                               \qquad (I1)
 
 with hat functions :math:`\Lambda_i`. The knots lie closer together just after the event than later:
 :math:`s(t) = \sqrt{(t - t_e)/W}\,N` maps time after the event to the number of a knot, so that a window of W seconds
-after the event at :math:`t_e` holds N of them.
+after the event at :math:`t_e` holds N of them. The pulse, of any place c and half width w, shows what knots are too
+coarse for (`errorscreen.discovery.fine_detail`).
 """
 
 from __future__ import annotations
@@ -21,17 +23,21 @@ from errorscreen.parameters import Parameter
 
 #: number N of knots
 KNOTS = 32
+#: parameters of the pulse: its height, and place and half width as shares of the window
+PULSE = ("pulse", "centre", "width")
+_STEPS = float(KNOTS**2)
 
 
 def latent(
-    value: Any, t: Any, te: Any, rate: Any, on: Any,
+    value: Any, t: Any, te: Any, rate: Any, on: Any, pulse: Any, centre: Any, width: Any,
     a0: Any, a1: Any, a2: Any, a3: Any, a4: Any, a5: Any, a6: Any, a7: Any,
     a8: Any, a9: Any, a10: Any, a11: Any, a12: Any, a13: Any, a14: Any, a15: Any,
     a16: Any, a17: Any, a18: Any, a19: Any, a20: Any, a21: Any, a22: Any, a23: Any,
     a24: Any, a25: Any, a26: Any, a27: Any, a28: Any, a29: Any, a30: Any, a31: Any,
 ) -> Any:  # fmt: skip
     """Quantity with the added signal, and the clock, (I1)."""
-    s = np.sqrt(clip((t - te) * rate, 0.0, 1e9))
+    past = clip((t - te) * rate, 0.0, 1e9)
+    s = np.sqrt(past)
     u = (
         a0 * clip(1.0 - np.abs(s - 1.0), 0.0, 1.0) + a1 * clip(1.0 - np.abs(s - 2.0), 0.0, 1.0)
         + a2 * clip(1.0 - np.abs(s - 3.0), 0.0, 1.0) + a3 * clip(1.0 - np.abs(s - 4.0), 0.0, 1.0)
@@ -49,6 +55,7 @@ def latent(
         + a26 * clip(1.0 - np.abs(s - 27.0), 0.0, 1.0) + a27 * clip(1.0 - np.abs(s - 28.0), 0.0, 1.0)
         + a28 * clip(1.0 - np.abs(s - 29.0), 0.0, 1.0) + a29 * clip(1.0 - np.abs(s - 30.0), 0.0, 1.0)
         + a30 * clip(1.0 - np.abs(s - 31.0), 0.0, 1.0) + a31 * clip(1.0 - np.abs(s - 32.0), 0.0, 1.0)
+        + pulse * clip(1.0 - np.abs(past / _STEPS - centre) / width, 0.0, 1.0)
     )  # fmt: skip
     return value + on * u, 1.0 + 0.0 * t
 
@@ -84,7 +91,15 @@ def latent_input(port: str, size: float, unit: str = "pu") -> Effect:
         title=f"Unknown signal at {port}",
         port=port,
         equations=latent,
-        parameters=(Parameter("on", 1.0, 0.0, 1.0, "", of, "on", "0: none"), *knots),
+        parameters=(
+            Parameter("on", 1.0, 0.0, 1.0, "", of, "on", "0: none"),
+            Parameter("pulse", 0.0, -size, size, unit, of, "p", "height of the pulse", scale=size),
+            Parameter("centre", 0.0, 0.0, 1.0, "", of, "c", "its place, a share of the window", scale=1.0),
+            Parameter(
+                "width", 1.0, 1e-6, 1.0, "", of, "w", "its half width, a share of the window", scale=1.0
+            ),
+            *knots,
+        ),
         states=("t",),
         derived=("te", "rate"),
         initialise=_start,

@@ -14,7 +14,7 @@ from numba.extending import register_jitable
 
 from errorscreen.effects.generic import terms, transforms
 from errorscreen.effects.generic.base import NUMBERS, PLACES
-from errorscreen.effects.latent_input import KNOTS
+from errorscreen.effects.latent_input import KNOTS, PULSE
 
 #: columns of the table: template, place, number of the target, of the signal that is read (-1: the quantity itself;
 #: states come first, then inputs and internal signals), of the state that receives a spill (-1: none), of the effect's
@@ -38,14 +38,18 @@ RELAY_ABOVE, LATENT = NUMBERS["relay_above"], NUMBERS["latent"]
 
 @register_jitable(forceinline=True)
 def _hats(t: Any, begin: Any, rate: Any, q: Any, i: Any, first: Any) -> Any:
-    """Unknown signal, (I1), with its knots from `first` on."""
-    s = math.sqrt(max((t - begin) * rate, 0.0))
+    """Unknown signal, (I1), with its pulse from `first` on, and its knots after that."""
+    past = max((t - begin) * rate, 0.0)
+    distance = abs(past / KNOTS**2 - q[i, first + 1])
+    pulse = q[i, first] * max(1.0 - distance / q[i, first + 2], 0.0)
+    s = math.sqrt(past)
     j = int(s)
     if j > KNOTS:
-        return 0.0
-    left = q[i, first + j - 1] if j >= 1 else 0.0
-    right = q[i, first + j] if j < KNOTS else 0.0
-    return left + (s - j) * (right - left)
+        return pulse
+    knots = first + len(PULSE)
+    left = q[i, knots + j - 1] if j >= 1 else 0.0
+    right = q[i, knots + j] if j < KNOTS else 0.0
+    return pulse + left + (s - j) * (right - left)
 
 
 @register_jitable(forceinline=True)

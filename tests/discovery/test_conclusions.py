@@ -89,6 +89,10 @@ def test_a_place_says_how_much_it_explains():
     assert "99.9 % of what parameters leave" in text
     assert "little" not in text
     assert "That is little: time stamps" in conclusions.place_text([replace(place, explained=0.2)], None)
+    assert "do not tell" not in text
+    others = [replace(place, place="Pm", probability=0.09), replace(place, device="wind", probability=0.01)]
+    text = conclusions.place_text([place, *others], None)
+    assert "These recordings do not tell it from a signal at Pm of the synchronous_machine." in text
 
 
 def test_a_withdrawn_cause_says_why(twins):

@@ -18,10 +18,11 @@ def test_the_waveform_is_what_the_effect_injects():
     event = dip(stop=5.0)
     knots = np.random.default_rng(0).uniform(-0.4, 0.4, KNOTS)
     rate = KNOTS**2 / (event.time[-1] - event.start)
-    added, _ = latent(0.0, event.time, event.start, rate, 1.0, *knots)
+    still = (0.0, 0.0, 1.0)  # no pulse
+    added, _ = latent(0.0, event.time, event.start, rate, 1.0, *still, *knots)
     assert np.abs(added - waveform(knots, event.time, event.start)).max() < 1e-12
     base = plant("pv_plant", event)
-    found = base.extend("latent_Ip_cmd").simulate([*base.parameters.nominal, 1.0, *knots]).values[0]
+    found = base.extend("latent_Ip_cmd").simulate([*base.parameters.nominal, 1.0, *still, *knots]).values[0]
     change = found - base.baseline()
     assert np.array_equal(change[:, event.time <= 1.0], np.zeros((2, int(np.sum(event.time <= 1.0)))))
     assert np.abs(change).max() > 0.02
@@ -84,8 +85,11 @@ def test_what_the_best_signal_leaves_makes_evidence_say_less():
     assert first(white, 30.0, 100.0 * n) > 0.9999
     assert first(np.zeros(n), 30.0, 100.0 * n) > 0.9999
     assert 0.5 < first(smooth, 30.0, 100.0 * n) < 0.6
+    # where both leave only noise, the simpler signal says little
+    assert first(np.zeros(n), 30.0, 0.0) == pytest.approx(0.75)
+    assert first(np.zeros(n), 0.5, 0.0) == pytest.approx(1.0 / (1.0 + np.exp(-0.5)))
     left = smooth @ smooth - n  # ten per cent more of it is no evidence, however many samples there are
-    assert first(smooth, 1e6, 0.1 * left) == pytest.approx(1.21 / 2.21)
+    assert first(smooth, 1e6, 0.1 * left) == pytest.approx(3.63 / 4.63)
 
 
 def test_a_signal_is_also_sought_from_the_nominal_parameters(monkeypatch):

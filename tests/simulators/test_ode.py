@@ -10,13 +10,14 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from errorscreen.effects.generic import TEMPLATES
-from errorscreen.effects.latent_input import KNOTS
+from errorscreen.effects.latent_input import KNOTS, PULSE, latent
 from errorscreen.events import Event, InputSignal
 from errorscreen.exceptions import EngineWarning, InputError, SimulationError
 from errorscreen.observations import Observation
 from errorscreen.parameters import Parameter
 from errorscreen.recordings import Recording
 from errorscreen.simulators import ODESimulator
+from errorscreen.simulators.ode_effects import _hats
 from errorscreen.testing import check_effect, check_simulator
 from tests.simulators.models import (
     MODELS,
@@ -46,6 +47,7 @@ def effects_of(model, effect):
     theta = simulator.parameters.nominal
     if effect.startswith("latent"):
         theta[-KNOTS:] = 0.1 * np.arange(KNOTS) / KNOTS
+        theta[-KNOTS - len(PULSE) : -KNOTS] = 0.2, 0.3, 0.1
     return simulator, theta
 
 
@@ -72,6 +74,14 @@ def test_effects_change_the_response(model, effect):
     simulator, theta = effects_of(model, effect)
     y, plain = simulator.simulate(theta).values[0], BUILT[model].baseline()
     assert np.abs(y - plain).max() > 1e-6 * np.ptp(plain)
+
+
+def test_an_unknown_signal_is_that_of_the_devices():
+    rng = np.random.default_rng(0)
+    values = np.r_[rng.uniform(-1.0, 1.0), 0.3, 0.05, rng.uniform(-1.0, 1.0, KNOTS)]
+    for t in rng.uniform(0.0, 12.0, 200):
+        expected, _ = latent(0.0, t, 1.0, KNOTS**2 / 10.0, 1.0, *values)
+        assert _hats(t, 1.0, KNOTS**2 / 10.0, values[None], 0, 0) == pytest.approx(expected, abs=1e-12)
 
 
 def test_all_templates_are_offered_somewhere():
