@@ -11,7 +11,12 @@ from numpy.typing import NDArray
 from errorscreen.exceptions import InputError, check_real, unknown_name
 from errorscreen.power import DEVICES, LOAD, Device, FixedMachine
 from errorscreen.power.device import Values
+from errorscreen.power.load_flow import LoadFlow
 from errorscreen.power.network import Network
+from errorscreen.simulators.grid_assembly import machine_prefix, qualified
+
+#: of the fixed machines by name in the model, and size, voltage and power of each unit or load
+AtTerminals = tuple[Values, list[tuple[float, complex, complex]]]
 
 
 @dataclass(frozen=True)
@@ -129,6 +134,39 @@ def at_rest(
     with np.errstate(all="ignore"):  # an absurd parameter shows in what is feasible
         states, setpoints, possible = device.initialise(own)
     return {**own, **states, **setpoints, **{s: own[name] for s, name in device.grid.states}}, possible
+
+
+def at_terminals(
+    flow: LoadFlow, machines: Sequence[FixedMachine], items: Sequence[Unit | LoadUnderTest]
+) -> AtTerminals:
+    """Fixed machines at their equilibrium, and what each unit and load begins from.
+
+    Parameters
+    ----------
+    flow : LoadFlow
+    machines : sequence of FixedMachine
+    items : sequence of Unit or LoadUnderTest
+
+    Returns
+    -------
+    values : mapping of str to ndarray of shape ()
+        Of all machines, by name in the model.
+    given : list of (float, complex, complex)
+        Size, voltage and power of each unit and load, see `at_rest`.
+    """
+    network, generation = flow.network, flow.generation
+    demand = network.demand()
+    values: Values = {}
+    for machine in machines:
+        start = machine.initialise(complex(flow.voltage[network.index(machine.bus)]), generation[machine.bus])
+        values |= {qualified(machine_prefix(machine.bus), k): np.array(v) for k, v in start.items()}
+    given = []
+    for item in items:
+        bus = network.index(item.bus)
+        power = generation[item.bus] if isinstance(item, Unit) else complex(demand[bus])
+        size = item.rating / network.base_mva if isinstance(item, Unit) else abs(power)
+        given.append((size, complex(flow.voltage[bus]), power))
+    return values, given
 
 
 def check_terminals(

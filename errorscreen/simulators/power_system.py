@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-from functools import cache, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -31,8 +31,15 @@ from errorscreen.simulators.assembly import (
 )
 from errorscreen.simulators.base import Responses, Simulator, Status
 from errorscreen.simulators.event_tables import courses, steps_at_rest, tables_in_time, what_happened
-from errorscreen.simulators.grid_assembly import GridModel, grid_effects, machine_prefix, qualified
-from errorscreen.simulators.grid_unit import LoadUnderTest, Unit, at_rest, check_terminals
+from errorscreen.simulators.grid_assembly import GridModel, grid_effects, qualified
+from errorscreen.simulators.grid_unit import (
+    AtTerminals,
+    LoadUnderTest,
+    Unit,
+    at_rest,
+    at_terminals,
+    check_terminals,
+)
 from errorscreen.simulators.observations import check_recording
 from errorscreen.simulators.recent import Recent
 
@@ -158,6 +165,7 @@ class PowerSystemSimulator(Simulator):
         self._grid = GridModel((m.bus for m in self.machines), devices.values(), self.observed, inside)
         self._engine = engines[engine](self._grid.model(), n_threads)
         self._flows: dict[float, LoadFlow] = {}
+        self._terminal_values: dict[float, AtTerminals] = {}
         self._recent = Recent()
         self._table(event)(self.network)  # an unknown bus or branch shows here
 
@@ -300,7 +308,7 @@ class PowerSystemSimulator(Simulator):
         """What a simulation needs to begin, see `Prepared`."""
         every = max(1, int(np.ceil(event.dt / self.step - 1e-9)))
         h = event.dt / every
-        values, feasible = self._start(theta, self._flow(event), event, h)
+        values, feasible = self._start(theta, event, h)
         return *starting(self._engine.model, values, feasible, len(theta)), values, h, every
 
     def observe(self, recording: Any, event: Event | None = None) -> Observation:
@@ -360,34 +368,31 @@ class PowerSystemSimulator(Simulator):
         return self._flows[event.level]
 
     def _start(
-        self, theta: NDArray[np.float64], flow: LoadFlow, event: GridEvent, h: float
+        self, theta: NDArray[np.float64], event: GridEvent, h: float
     ) -> tuple[Values, NDArray[np.bool_]]:
         """All states and constants by name, each of shape (n,) or (), and where an equilibrium exists."""
         one = np.ones(len(theta))
-        values: Values = {"f0": self.f0 * one}
+        machines, powers = self._at_terminals(event)
+        values: Values = {"f0": self.f0 * one, **machines}
         feasible = one > 0
-        voltage = {g.bus: complex(flow.voltage[self.network.index(g.bus)]) for g in self.network.generators}
-        for machine in self.machines:
-            start = machine.initialise(voltage[machine.bus], flow.generation[machine.bus])
-            values |= {qualified(machine_prefix(machine.bus), k): np.array(v) for k, v in start.items()}
         given = self._named(theta, event)
-        demand = flow.network.demand()
-        for item in self._items:
-            bus = self.network.index(item.bus)
-            power = flow.generation[item.bus] if isinstance(item, Unit) else complex(demand[bus])
-            size = item.rating / self.network.base_mva if isinstance(item, Unit) else abs(power)
-            own, possible = at_rest(item, given, size, complex(flow.voltage[bus]), power, self.f0)
-            values |= {qualified(item.model.name, k): v * one for k, v in own.items()}
-            feasible = feasible & possible
-        values |= self._off | given
         begin = min(event.start, event.time[-1] - event.dt) - event.time[0]
         instants = {"t_event": begin * one, "t_stop": (event.time[-1] - event.time[0]) * one}
-
-        @cache
-        def of_device(name: str) -> Values:
-            prefix = f"{name}."
-            return {k.removeprefix(prefix): v for k, v in values.items() if k.startswith(prefix)} | instants
-
+        of_device: dict[str, Values] = {}
+        for item, (size, voltage, power) in zip(self._items, powers, strict=True):
+            own, possible = at_rest(item, given, size, voltage, power, self.f0)
+            own, name = {k: v * one for k, v in own.items()}, item.model.name
+            values |= {qualified(name, k): v for k, v in own.items()}
+            of_device[name] = own | instants
+            feasible = feasible & possible
+        values |= self._off | given
         return values | start_effects(
-            self._inside, values, lambda effect: of_device(effect.device), h
+            self._inside, values, lambda effect: of_device[effect.device], h
         ), feasible
+
+    def _at_terminals(self, event: GridEvent) -> AtTerminals:
+        """What holds at all terminals before an event; kept as load flows are."""
+        if event.level not in self._terminal_values:
+            found = at_terminals(self._flow(event), self.machines, self._items)
+            self._terminal_values[event.level] = found
+        return self._terminal_values[event.level]
