@@ -173,6 +173,11 @@ def place_text(places: Sequence[Place], simulator: Simulator) -> str:
     return "An unknown signal explains it at none of the simulator's ports."
 
 
+def alike_places(places: Sequence[Place]) -> list[Place]:
+    """Places that cannot be told from the first."""
+    return [place for place in places[1:] if place.probability >= ALIKE * places[0].probability]
+
+
 def _percent(share: float) -> str:
     """Share in per cent, never rounded up to all of it."""
     return f"{np.floor(1000.0 * share) / 10.0:.3g} %"

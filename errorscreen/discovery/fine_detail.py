@@ -8,33 +8,38 @@ one whose inertia smooths them anyway. So signals are compared with fine detail,
     \ln Z = \max_\tau \Big(-\tfrac12 \min_u \big(r^T K^{-1} r + \textstyle\sum_j u_j^2/s^2\big)
     - \tfrac12 \ln\det K - \tfrac12 \ln\det(I + s^2 J^T K^{-1} J)\Big), \quad K = I + \tau^2 G G^T  \qquad (D7)
 
-with residuals r and their sensitivities J to the deviations u of parameters and knots, whose prior has the standard
-deviation s as in (D1), and G to narrow pulses all over the window. Their heights are a sample of white noise of
-standard deviation τ, so that responses have the covariance K of a Gaussian process, and this is its marginal likelihood
-at the τ that makes it largest (C. E. Rasmussen and C. K. I. Williams, *Gaussian Processes for Machine Learning*, 2006,
-equation 2.30 and section 5.4.1). At the right place little detail explains much.
+with residuals r and their sensitivities J to the deviations u of parameters and knots inside their bounds, whose prior
+has the standard deviation s as in (D1), and G to narrow pulses all over the window. Their heights are a sample of white
+noise of standard deviation τ, so that responses have the covariance K of a Gaussian process, and this is its marginal
+likelihood at the τ that makes it largest (C. E. Rasmussen and C. K. I. Williams, *Gaussian Processes for Machine
+Learning*, 2006, equation 2.30 and section 5.4.1). At the right place little detail explains much.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.calibration.search import bounded_minimum
 from errorscreen.discovery.hypotheses import PRIOR, Hypothesis
 from errorscreen.discovery.noise import inflation_of
-from errorscreen.effects.latent_input import PULSE
+from errorscreen.effects.latent_input import KNOTS, PULSE
+from errorscreen.exceptions import SimulationError
 
-#: pulses in the window of each recording
+#: most pulses in the window of a recording; no more than its samples
 _PULSES = 256
-#: standard deviations τ of their heights that are compared, in multiples of a signal's scale
-_HEIGHTS = np.r_[0.0, 10.0 ** np.arange(-4.0, 1.0, 0.5)]
 #: step of the differences, in multiples of a signal's scale
 _STEP = 1e-4
+#: decades of τ that are tried, from where the pulse that shows most makes a tenth of the noise; steps in a decade
+_DECADES, _PER_DECADE = 7, 2
+#: how near ln τ comes to the best
+_NEAR = 0.02
+#: keeps a normal matrix of unit diagonal positive definite in floating point
+_JITTER = 1e-12
 
 _Array = NDArray[np.float64]
 
@@ -48,11 +53,17 @@ class Detailed:
     hypothesis : Hypothesis
         With the signal between knots alone.
     evidence : float
-        (D7).
+        (D7), for χ² less the noise that passes, as that of `Hypothesis`.
     height : float
         τ, in multiples of the signal's scale.
     residuals : ndarray of shape (N,)
-        What is left at the most probable deviations and detail, by the linear model.
+        What signal and detail leave.
+    freedom : float
+        How many values deviations and detail take up: noise alone leaves a χ² of N less these.
+    knots : ndarray of shape (KNOTS,)
+        Of the signal in the first recording, in the unit of the port.
+    pulses : ndarray of shape (p,)
+        Heights of the pulses there, at the most probable detail.
     n_simulations : int
     """
 
@@ -60,26 +71,30 @@ class Detailed:
     evidence: float
     height: float
     residuals: _Array
+    freedom: float
+    knots: _Array
+    pulses: _Array
     n_simulations: int
 
     @property
-    def chi2(self) -> float:
-        """χ² of what is left, less the noise that passes, as that of `Hypothesis`."""
-        return float(self.residuals @ self.residuals) - float(self.hypothesis.passed.sum())
+    def excess(self) -> float:
+        """χ² of what is left beyond that of noise."""
+        chi2 = float(self.residuals @ self.residuals) - float(self.hypothesis.passed.sum())
+        return chi2 - (len(self.residuals) - self.freedom)
 
     @property
     def chi2_per_sample(self) -> float:
-        """χ²/N."""
-        return self.chi2 / len(self.residuals)
+        """χ² over the number of values that are not taken up."""
+        return 1.0 + self.excess / (len(self.residuals) - self.freedom)
 
     @property
     def inflation(self) -> float:
         """How much larger, and smoother, what is left is than noise, see `noise_inflation`."""
-        return inflation_of(self.hypothesis.observations, self.residuals)
+        return inflation_of(self.hypothesis.observations, self.residuals, self.freedom)
 
 
 class Covariance:
-    r"""Covariance :math:`K = I + \tau^2 G G^T` of a recording's residuals, for any τ.
+    r"""Covariance :math:`K = I + \tau^2 G G^T` of residuals, for any τ.
 
     One decomposition serves all τ, and nothing is as large as N by N.
 
@@ -91,32 +106,56 @@ class Covariance:
     Examples
     --------
     >>> covariance = Covariance(np.array([[3.0], [4.0]]))
-    >>> covariance.solve(1.0, np.array([[3.0], [4.0]])).ravel() * 26
+    >>> covariance.solve(1.0, np.array([3.0, 4.0])) * 26
     array([3., 4.])
     >>> bool(np.isclose(np.exp(covariance.log_determinant(1.0)), 26.0))
     True
     """
 
     def __init__(self, pulses: _Array) -> None:
-        powers, axes = np.linalg.eigh(pulses.T @ pulses)
+        powers, self._axes = np.linalg.eigh(pulses.T @ pulses)
         self._powers = np.maximum(powers, 0.0)
-        self._pulses = pulses @ axes
+        self._pulses = pulses @ self._axes
 
-    def __len__(self) -> int:
-        return len(self._pulses)
+    @property
+    def largest(self) -> float:
+        """Largest eigenvalue of GᵀG, 0 without pulses."""
+        return float(self._powers.max(initial=0.0))
 
     def log_determinant(self, height: float) -> float:
         """Of K."""
         return float(np.log1p(height**2 * self._powers).sum())
 
-    def solve(self, height: float, columns: _Array) -> _Array:
-        """The inverse of K times columns (n, m)."""
-        share = height**2 / (1.0 + height**2 * self._powers)
-        return np.asarray(columns - self._pulses @ (share[:, None] * (self._pulses.T @ columns)))
+    def freedom(self, height: float) -> float:
+        """Trace of the identity less the inverse of K: values that the detail takes up."""
+        return float((self._powers * self._share(height)).sum())
+
+    def solve(self, height: float, values: _Array) -> _Array:
+        """The inverse of K times values (n,) or (n, m)."""
+        return np.asarray(values - self._pulses @ (self._share(height) * (self._pulses.T @ values).T).T)
+
+    def products(self, values: _Array) -> tuple[_Array, _Array]:
+        """What `product` needs of values (n, m)."""
+        return values.T @ values, self._pulses.T @ values
+
+    def product(self, height: float, products: tuple[_Array, _Array]) -> _Array:
+        """Products (m, m) of values with the inverse of K between them."""
+        whole, along = products
+        return np.asarray(whole - along.T @ (self._share(height)[:, None] * along))
+
+    def heights(self, height: float, solved: _Array) -> _Array:
+        """Most probable heights (p,) of the pulses, from the inverse of K times what they are to explain (n,)."""
+        return np.asarray(-(height**2) * self._axes @ (self._pulses.T @ solved))
+
+    def _share(self, height: float) -> _Array:
+        return height**2 / (1.0 + height**2 * self._powers)
 
 
 def detailed(hypothesis: Hypothesis) -> Detailed:
     """Give a fitted unknown signal fine detail.
+
+    Deviations are those that the linear model finds most probable, if a simulation confirms that they are better than
+    those of the fit.
 
     Parameters
     ----------
@@ -126,31 +165,119 @@ def detailed(hypothesis: Hypothesis) -> Detailed:
     Returns
     -------
     Detailed
+
+    Raises
+    ------
+    SimulationError
+        If the hypothesis cannot be simulated.
     """
-    pulses, n_simulations = _sensitivities(hypothesis)
-    covariances = [Covariance(g) for g in pulses]
-    J, u = hypothesis.jacobian, hypothesis.u
-    # residuals by the linear model: the last column and, by the deviations, all others
-    columns = np.column_stack([J, hypothesis.residuals - J @ u])
-    parts = np.split(columns, np.cumsum([len(g) for g in pulses])[:-1])
-    bounds = FitProblem(hypothesis.simulator, list(hypothesis.observations), hypothesis.names).scaled_bounds
-    found = [_at(float(height), covariances, parts, bounds) for height in _HEIGHTS]
-    evidence, height, residuals = max(found, key=lambda item: item[0])
-    passed = 0.5 * float(hypothesis.passed.sum())
-    return Detailed(hypothesis, evidence + passed, height, residuals, n_simulations)
+    return _Comparison(hypothesis).result()
 
 
-def _at(
-    height: float, covariances: Sequence[Covariance], parts: Sequence[_Array], bounds: _Array
-) -> tuple[float, float, _Array]:
-    """(D7) for one τ, this, and what is left."""
-    solved = [k.solve(height, part) for k, part in zip(covariances, parts, strict=True)]
-    products = np.sum([part.T @ z for part, z in zip(parts, solved, strict=True)], axis=0)
-    A, g = products[:-1, :-1] + np.eye(len(products) - 1) / PRIOR**2, products[:-1, -1]
-    u = bounded_minimum(A, g, *bounds)
-    least = float(products[-1, -1] + 2.0 * g @ u + u @ A @ u)
-    determinants = sum(k.log_determinant(height) for k in covariances) + np.linalg.slogdet(A * PRIOR**2)[1]
-    return -0.5 * (least + float(determinants)), height, np.concatenate(solved) @ np.r_[u, 1.0]
+class _Comparison:
+    """Signal and detail of one hypothesis."""
+
+    def __init__(self, hypothesis: Hypothesis) -> None:
+        self.hypothesis = hypothesis
+        self._problem = FitProblem(hypothesis.simulator, list(hypothesis.observations), hypothesis.names)
+        pulses, self._count = _sensitivities(hypothesis)
+        # recordings of the same name have the same signal, and the same detail; others have nothing in common
+        ends = np.cumsum([len(g) for g in pulses])
+        names = [o.event.name for o in hypothesis.observations]
+        self._rows = [
+            np.concatenate(
+                [np.arange(e - len(g), e) for g, e, n in zip(pulses, ends, names, strict=True) if n == name]
+            )
+            for name in dict.fromkeys(names)
+        ]
+        self._covariances = [Covariance(np.concatenate(pulses)[rows]) for rows in self._rows]
+        J = hypothesis.jacobian
+        columns = np.column_stack([J, hypothesis.residuals - J @ hypothesis.u])
+        self._products = [
+            k.products(columns[rows]) for k, rows in zip(self._covariances, self._rows, strict=True)
+        ]
+
+    def result(self) -> Detailed:
+        """At the best τ."""
+        height = self._height()
+        found, A, u = self._at(height)
+        hypothesis = self.hypothesis
+        evidence, residuals, u = max(
+            (self._simulated(height, found, v) for v in (hypothesis.u, u)), key=lambda item: item[0]
+        )
+        solved = self._solve(height, residuals)
+        free = len(u) - float(np.trace(np.linalg.inv(A))) / PRIOR**2
+        first = self._rows[0]
+        scale = float(hypothesis.simulator.parameters[hypothesis.effects[0].local(PULSE[0])].scale or 1.0)
+        theta = self._problem.embed(self._problem.values(u))[0]
+        names = [hypothesis.effects[0].local(f"a{i}") for i in range(KNOTS)]
+        return Detailed(
+            hypothesis,
+            evidence,
+            height,
+            solved,
+            free + sum(k.freedom(height) for k in self._covariances),
+            theta[[hypothesis.simulator.parameters.index(name) for name in names]],
+            scale * self._covariances[0].heights(height, solved[first]),
+            self._count + self._problem.n_simulations,
+        )
+
+    def _height(self) -> float:
+        """τ of the largest evidence by the linear model."""
+        largest = max(k.largest for k in self._covariances)
+        if largest == 0.0:
+            return 0.0
+        logs = np.log(0.1 / np.sqrt(largest)) + np.log(10.0) / _PER_DECADE * np.arange(
+            _DECADES * _PER_DECADE + 1
+        )
+        found = [self._linear(log) for log in logs]
+        best = int(np.argmax(found))
+        near = logs[max(best - 1, 0)], logs[min(best + 1, len(logs) - 1)]
+        finer = minimize_scalar(
+            lambda log: -self._linear(log), bounds=near, method="bounded", options={"xatol": _NEAR}
+        )
+        log, evidence = max([(logs[best], found[best]), (finer.x, -finer.fun)], key=lambda item: item[1])
+        return float(np.exp(log)) if evidence > self._linear(-np.inf) else 0.0
+
+    def _linear(self, log: float) -> float:
+        """(D7) by the linear model, for one ln τ."""
+        determinants, A, u = self._at(float(np.exp(log)))
+        products = self._product(float(np.exp(log)))
+        return -0.5 * float(u @ A @ u + self._tilted(products) @ u + products[-1, -1] + determinants)
+
+    def _at(self, height: float) -> tuple[float, _Array, _Array]:
+        """Both determinants of (D7), matrix of the quadratic form in u, and its minimiser inside the bounds."""
+        products = self._product(height)
+        A = products[:-1, :-1] + np.eye(len(products) - 1) / PRIOR**2
+        scale = np.sqrt(np.diag(A))
+        scaled = A / np.outer(scale, scale) + _JITTER * np.eye(len(A))
+        bounds = self._problem.scaled_bounds * scale
+        u = bounded_minimum(scaled, 0.5 * self._tilted(products) / scale, *bounds) / scale
+        determinants = sum(k.log_determinant(height) for k in self._covariances)
+        return float(determinants + np.linalg.slogdet(A * PRIOR**2)[1]), A, u
+
+    def _tilted(self, products: _Array) -> _Array:
+        """Slope of the quadratic form in u; a fit that lets less noise pass is no better, see `BoundedSearch.tilt`."""
+        return np.asarray(2.0 * products[:-1, -1] - self.hypothesis.slope)
+
+    def _product(self, height: float) -> _Array:
+        pairs = zip(self._covariances, self._products, strict=True)
+        return np.sum([k.product(height, products) for k, products in pairs], axis=0)
+
+    def _solve(self, height: float, residuals: _Array) -> _Array:
+        solved = np.empty_like(residuals)
+        for k, rows in zip(self._covariances, self._rows, strict=True):
+            solved[rows] = k.solve(height, residuals[rows])
+        return solved
+
+    def _simulated(self, height: float, determinants: float, u: _Array) -> tuple[float, _Array, _Array]:
+        """(D7), simulated at some deviations, their residuals without detail, and the deviations."""
+        residuals = self._problem.residuals(self._problem.values(u[None]))[0]
+        if not np.isfinite(residuals).all():
+            return -np.inf, residuals, u
+        passed = float(self.hypothesis.passed.sum()) + self.hypothesis.slope @ (u - self.hypothesis.u)
+        least = residuals @ self._solve(height, residuals) + u @ u / PRIOR**2
+        return -0.5 * float(least + determinants - passed), residuals, u
 
 
 def _sensitivities(hypothesis: Hypothesis) -> tuple[list[_Array], int]:
@@ -160,13 +287,17 @@ def _sensitivities(hypothesis: Hypothesis) -> tuple[list[_Array], int]:
     """
     names = [signal.local(name) for signal in hypothesis.effects for name in PULSE]
     simulator = hypothesis.simulator.with_nominal(hypothesis.theta)
-    problem = FitProblem(simulator, list(hypothesis.observations), names)
-    step = _STEP * float(problem.space.scales[0])
-    places = (1.0 + np.arange(_PULSES)) / _PULSES
-    pulses = np.column_stack([np.full(_PULSES, step), places, np.full(_PULSES, 1.0 / _PULSES)])
-    rows = np.concatenate([np.tile(pulses, len(hypothesis.effects)), problem.space.nominal[None]])
-    found = []
-    for observation, z in zip(problem.observations, problem.deviations(rows), strict=True):
-        change = (z[:-1] - z[-1])[:, observation.mask] / _STEP
-        found.append(np.nan_to_num(change).T)  # what cannot be simulated shows nothing
-    return found, problem.n_simulations
+    samples = [int((o.time > o.event.start).sum()) for o in hypothesis.observations]
+    n = max(1, min(_PULSES, *samples))
+    found, count = [], 0
+    for observation in hypothesis.observations:
+        problem = FitProblem(simulator, [observation], names)
+        step = _STEP * float(problem.space.scales[0])
+        pulses = np.column_stack([np.full(n, step), (1.0 + np.arange(n)) / n, np.full(n, 1.0 / n)])
+        rows = np.concatenate([np.tile(pulses, len(hypothesis.effects)), problem.space.nominal[None]])
+        z = problem.residuals(rows)
+        if not np.isfinite(z[-1]).all():
+            raise SimulationError(f"{hypothesis.name} cannot be simulated where its fit has ended")
+        found.append(np.nan_to_num((z[:-1] - z[-1]) / _STEP).T)  # what cannot be simulated shows nothing
+        count += problem.n_simulations
+    return found, count

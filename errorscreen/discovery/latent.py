@@ -41,15 +41,15 @@ class Place:
     probability : float
         Among all ports.
     chi2_per_sample : float
-        With the signal and its fine detail.
+        With the signal and its fine detail, over the values that these do not take up.
     time, waveform : ndarray of shape (L,)
-        Of the signal in the first recording, in the unit of the port.
+        Of the signal, with its detail, in the first recording, in the unit of the port.
     follows : tuple of (str, float)
         Signals, and states of the device, of the model without it, and their correlation with it, the largest first.
     unit : str
         Of the waveform.
     explained : float
-        Share of what parameters leave beyond noise that the signal explains.
+        Share of what parameters leave beyond noise that the signal explains without that detail.
     """
 
     device: str
@@ -110,14 +110,15 @@ def rank_places(base: Hypothesis) -> tuple[list[Place], int]:
     threads = base.simulator.threads
     found = side_by_side([fit.hypothesis for fit in race(attempted(calls, threads), threads)], threads)
     count = sum(problem.n_simulations for problem in problems)
-    shares = [_explained(hypothesis, base) for hypothesis in found]
-    if not found or max(shares) < _EXPLAINS:
+    # detail alone, without a signal between knots, would explain anything a little
+    found = [hypothesis for hypothesis in found if _explained(hypothesis, base) >= _EXPLAINS]
+    if not found:
         return [], count
     full = side_by_side([partial(detailed, hypothesis) for hypothesis in found], threads)
     count += sum(signal.n_simulations for signal in full)
-    weights = probabilities_of(full)
     moving = _moving(base)
-    places = [_place(s, float(w), share, moving) for s, w, share in zip(full, weights, shares, strict=True)]
+    pairs = zip(full, probabilities_of(full), strict=True)
+    places = [_place(s, float(w), _explained(s.hypothesis, base), moving) for s, w in pairs]
     return sorted(places, key=lambda p: (-p.probability, p.chi2_per_sample)), count
 
 
@@ -146,7 +147,7 @@ def probabilities_of(found: Sequence[Detailed]) -> _Array:
     evidence = np.array([signal.evidence for signal in found])
     best = int(np.argmax(evidence))
     n = len(found[best].residuals)
-    left = np.array([max(signal.chi2 - n, np.sqrt(2.0 * n)) for signal in found])
+    left = np.array([max(signal.excess, np.sqrt(2.0 * n)) for signal in found])
     by_evidence = (evidence[best] - evidence) / found[best].inflation
     by_form = np.maximum(_FORM * np.log(left / left[best]), 0.0) + np.log(_SIMPLER)
     weights = np.exp(-np.minimum(by_evidence, by_form))
@@ -159,16 +160,19 @@ def _explained(hypothesis: Hypothesis, base: Hypothesis) -> float:
     return float(np.clip((base.chi2 - hypothesis.chi2) / max(base.chi2 - n, 1.0), 0.0, 1.0))
 
 
-def waveform(knots: _Array, time: _Array, start: float) -> _Array:
-    """Values of (I1) at some instants in seconds, for an event at `start`.
+def waveform(knots: _Array, time: _Array, start: float, pulses: _Array | None = None) -> _Array:
+    """Values of (I1) at some instants in seconds, for an event at `start`, with equally distant pulses if given.
 
     Examples
     --------
     >>> waveform(np.ones(32), np.array([0.0, 1.0, 2.0]), 1.0)
     array([0., 0., 1.])
     """
-    s = np.sqrt(np.clip(time - start, 0.0, None) / (time[-1] - start)) * KNOTS
-    return np.interp(s, np.arange(KNOTS + 1), np.r_[0.0, knots])
+    share = np.clip(time - start, 0.0, None) / (time[-1] - start)
+    signal = np.interp(np.sqrt(share) * KNOTS, np.arange(KNOTS + 1), np.r_[0.0, knots])
+    if pulses is None:
+        return signal
+    return signal + np.interp(share * len(pulses), np.arange(len(pulses) + 1), np.r_[0.0, pulses])
 
 
 def _moving(base: Hypothesis) -> dict[str, dict[str, _Array]]:
@@ -194,10 +198,8 @@ def _place(
 ) -> Place:
     hypothesis = found.hypothesis
     effect, observation = hypothesis.effects[0], hypothesis.observations[0]
-    parameters = hypothesis.simulator.parameters
-    knots = hypothesis.theta[[parameters.index(effect.local(f"a{i}")) for i in range(KNOTS)]]
     time, start = observation.time, observation.event.start
-    signal = waveform(knots, time, start)
+    signal = waveform(found.knots, time, start, found.pulses)
     after = time >= start
     follows = []
     for name, values in moving[effect.device].items():
@@ -215,6 +217,6 @@ def _place(
         time,
         signal,
         tuple(follows),
-        effect.parameters[1].unit,
+        next(p.unit for p in effect.parameters if p.name == "a0"),
         explained,
     )

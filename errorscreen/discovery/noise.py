@@ -118,7 +118,9 @@ def by_recording(
     return out
 
 
-def inflation_of(observations: Sequence[Observation], residuals: ArrayLike) -> float:
+def inflation_of(
+    observations: Sequence[Observation], residuals: ArrayLike, n_parameters: float = 0.0
+) -> float:
     """How much larger, and smoother, residuals (N,) are than noise, see `noise_inflation`."""
     left = by_recording(observations, residuals)
-    return noise_inflation([np.where(o.mask, z, np.nan) for o, z in left], 0)
+    return noise_inflation([np.where(o.mask, z, np.nan) for o, z in left], n_parameters)

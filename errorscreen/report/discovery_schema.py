@@ -94,10 +94,11 @@ class Place(Part):
     device: str
     place: str
     probability: Number
-    chi2_per_sample: Number
+    chi2_per_sample: Number = Field(description="with the signal and detail that is finer than its knots")
     follows: list[tuple[str, Number]] = Field(description="quantities it moves with, and the correlation")
     explained: Number = Field(
-        default=None, description="share of what parameters leave beyond noise that a signal explains, 0 to 1"
+        default=None,
+        description="share of what parameters leave beyond noise that the signal explains, without that detail, 0 to 1",
     )
     unit: str = Field(default="", description="of the signal")
     time: list[Number] = Field(default=[], description="s, at most 200 instants of the first recording")

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 
 from errorscreen.discovery import Cause, CauseFinder, Gain, Group
-from errorscreen.discovery.conclusions import LITTLE
+from errorscreen.discovery.conclusions import LITTLE, alike_places
 from errorscreen.events import Playback
 from errorscreen.observations import Observation
 from errorscreen.simulators import Simulator
@@ -89,13 +89,17 @@ def _to_locate(finder: CauseFinder, refuted: bool) -> Iterator[str]:
     for place in finder.places_[:1]:
         what = _ports(finder.simulator, place.device).get(place.place)
         named = "" if what is None else f"the {what.removesuffix(' in pu')}, and "
-        if place.explained < LITTLE:
+        if max(other.explained for other in finder.places_) < LITTLE:
             yield (
-                f"No signal at a single port explains even half of what parameters leave, the best at {place.place} of "
-                f"the {place.device}: check time stamps and filters of the recorded channels against each other first."
+                f"No signal at a single port explains even half of what parameters leave, the likeliest at {place.place} "
+                f"of the {place.device}: check time stamps and filters of the recorded channels against each other first."
             )
             continue
-        yield f"Something unknown enters at {place.place} of the {place.device}: record {named}whatever acts on it."
+        alike = [f"{other.place} of the {other.device}" for other in alike_places(finder.places_)]
+        also = f" (or at {', or at '.join(alike)})" if alike else ""
+        yield (
+            f"Something unknown enters at {place.place} of the {place.device}{also}: record {named}whatever acts on it."
+        )
     withdrawn = [cause for cause in finder.causes_ if cause.withdrawn]
     if withdrawn:
         yield (

@@ -73,10 +73,10 @@ def test_what_the_best_signal_leaves_makes_evidence_say_less():
 
     def first(residuals, evidence, more):
         """Probability of the first of two places, beside one of lower evidence that leaves more."""
-        chi2 = residuals @ residuals
+        chi2, n = residuals @ residuals, len(residuals)
         places = [
-            SimpleNamespace(evidence=0.0, chi2=chi2, observations=[observation], residuals=residuals),
-            SimpleNamespace(evidence=-evidence, chi2=chi2 + more, observations=[observation]),
+            SimpleNamespace(evidence=0.0, excess=chi2 - n, observations=[observation], residuals=residuals),
+            SimpleNamespace(evidence=-evidence, excess=chi2 - n + more, observations=[observation]),
         ]
         places[0].inflation = Hypothesis.inflation.fget(places[0])
         return probabilities_of(places)[0]
