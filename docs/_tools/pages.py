@@ -44,6 +44,8 @@ MEASURED = {
     "discovery_ieee39": "errorscreen bench discovery --case ieee39 --scenarios 200 --seed 408",
     "discovery_curves": "python benchmarks/discovery_curves.py OUT plant 40",
     "discovery_curves_ieee39": "python benchmarks/discovery_curves.py OUT ieee39 24",
+    "places_plant": "python benchmarks/places.py OUT plant",
+    "places_ieee39": "python benchmarks/places.py OUT ieee39",
     "first_look": "python benchmarks/first_look.py",
     "traps": "errorscreen bench discovery --case traps --scenarios 700 --seed 67",
     "measured_systems": "python benchmarks/measured_systems.py DATA",

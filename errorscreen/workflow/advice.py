@@ -91,8 +91,9 @@ def _to_locate(finder: CauseFinder, refuted: bool) -> Iterator[str]:
         named = "" if what is None else f"the {what.removesuffix(' in pu')}, and "
         if max(other.explained for other in finder.places_) < LITTLE:
             yield (
-                f"No signal at a single port explains even half of what parameters leave, the likeliest at {place.place} "
-                f"of the {place.device}: check time stamps and filters of the recorded channels against each other first."
+                f"No signal at a single port explains even half of what parameters leave, the likeliest at "
+                f"{place.place} of the {place.device}: check time stamps and filters of the recorded channels against "
+                "each other first."
             )
             continue
         alike = [f"{other.place} of the {other.device}" for other in alike_places(finder.places_)]
