@@ -25,7 +25,7 @@ from scipy.optimize import minimize_scalar
 
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.calibration.search import bounded_minimum
-from errorscreen.discovery.hypotheses import PRIOR, Hypothesis
+from errorscreen.discovery.hypotheses import PRIOR, Hypothesis, linearised
 from errorscreen.discovery.noise import inflation_of
 from errorscreen.effects.latent_input import KNOTS, PULSE
 from errorscreen.exceptions import SimulationError
@@ -38,6 +38,8 @@ _STEP = 1e-4
 _DECADES, _PER_DECADE = 7, 2
 #: how near ln τ comes to the best
 _NEAR = 0.02
+#: steps at most, shares of the way to the minimum that are tried, and how much lower the cost must be for another one
+_STEPS, _SHARES, _WORTH = 3, np.array([0.125, 0.25, 0.5, 0.75, 1.0]), 4.0
 #: keeps a normal matrix of unit diagonal positive definite in floating point
 _JITTER = 1e-12
 
@@ -154,8 +156,8 @@ class Covariance:
 def detailed(hypothesis: Hypothesis) -> Detailed:
     """Give a fitted unknown signal fine detail.
 
-    Deviations are those that the linear model finds most probable, if a simulation confirms that they are better than
-    those of the fit.
+    Without detail a fit may have drawn parameters far from where they belong, so it goes on from there: a few steps of
+    Gauss and Newton with K as the covariance of the noise, each as far as simulations confirm.
 
     Parameters
     ----------
@@ -171,11 +173,15 @@ def detailed(hypothesis: Hypothesis) -> Detailed:
     SimulationError
         If the hypothesis cannot be simulated.
     """
-    return _Comparison(hypothesis).result()
+    comparison = _Comparison(hypothesis)
+    for _ in range(_STEPS):
+        if not comparison.step():
+            break
+    return comparison.result()
 
 
 class _Comparison:
-    """Signal and detail of one hypothesis."""
+    """Signal and detail of one hypothesis, and where parameters and knots have got to."""
 
     def __init__(self, hypothesis: Hypothesis) -> None:
         self.hypothesis = hypothesis
@@ -184,43 +190,60 @@ class _Comparison:
         # recordings of the same name have the same signal, and the same detail; others have nothing in common
         ends = np.cumsum([len(g) for g in pulses])
         names = [o.event.name for o in hypothesis.observations]
+        recordings = [np.arange(end - len(g), end) for g, end in zip(pulses, ends, strict=True)]
         self._rows = [
-            np.concatenate(
-                [np.arange(e - len(g), e) for g, e, n in zip(pulses, ends, names, strict=True) if n == name]
-            )
+            np.concatenate([rows for rows, n in zip(recordings, names, strict=True) if n == name])
             for name in dict.fromkeys(names)
         ]
         self._covariances = [Covariance(np.concatenate(pulses)[rows]) for rows in self._rows]
-        J = hypothesis.jacobian
-        columns = np.column_stack([J, hypothesis.residuals - J @ hypothesis.u])
-        self._products = [
-            k.products(columns[rows]) for k, rows in zip(self._covariances, self._rows, strict=True)
-        ]
+        self._move(hypothesis.u, hypothesis.residuals, hypothesis.jacobian)
+
+    def _move(self, u: _Array, residuals: _Array, jacobian: _Array) -> None:
+        """Linearise anew."""
+        self._u, self._residuals = u, residuals
+        columns = np.column_stack([jacobian, residuals - jacobian @ u])
+        pairs = zip(self._covariances, self._rows, strict=True)
+        self._products = [k.products(columns[rows]) for k, rows in pairs]
+        self._tau = self._height()
+
+    def step(self) -> bool:
+        """Go towards the minimum of the linear model as far as (D7) grows; whether that was worth it."""
+        _, _, u = self._at(self._tau)
+        trials = self._u + _SHARES[:, None] * (u - self._u)
+        found = self._problem.residuals(self._problem.values(trials))
+        values = [self._cost(v, z) for v, z in zip(trials, found, strict=True)]
+        best = int(np.argmin(values))
+        if not self._cost(self._u, self._residuals) - values[best] > _WORTH:
+            return False
+        self._move(trials[best], *linearised(self._problem, trials[best]))
+        return True
 
     def result(self) -> Detailed:
-        """At the best τ."""
-        height = self._height()
-        found, A, u = self._at(height)
-        hypothesis = self.hypothesis
-        evidence, residuals, u = max(
-            (self._simulated(height, found, v) for v in (hypothesis.u, u)), key=lambda item: item[0]
-        )
-        solved = self._solve(height, residuals)
-        free = len(u) - float(np.trace(np.linalg.inv(A))) / PRIOR**2
-        first = self._rows[0]
-        scale = float(hypothesis.simulator.parameters[hypothesis.effects[0].local(PULSE[0])].scale or 1.0)
-        theta = self._problem.embed(self._problem.values(u))[0]
-        names = [hypothesis.effects[0].local(f"a{i}") for i in range(KNOTS)]
+        """Where it is, at the best τ."""
+        determinants, A, _ = self._at(self._tau)
+        solved = self._solve(self._tau, self._residuals)
+        free = len(A) - float(np.trace(np.linalg.inv(A))) / PRIOR**2
+        parameters = self.hypothesis.simulator.parameters
+        local = self.hypothesis.effects[0].local
+        theta = self._problem.embed(self._problem.values(self._u))[0]
+        scale = float(parameters[local(PULSE[0])].scale or 1.0)
         return Detailed(
-            hypothesis,
-            evidence,
-            height,
+            self.hypothesis,
+            -0.5 * (self._cost(self._u, self._residuals) + determinants),
+            self._tau,
             solved,
-            free + sum(k.freedom(height) for k in self._covariances),
-            theta[[hypothesis.simulator.parameters.index(name) for name in names]],
-            scale * self._covariances[0].heights(height, solved[first]),
+            free + sum(k.freedom(self._tau) for k in self._covariances),
+            theta[[parameters.index(local(f"a{i}")) for i in range(KNOTS)]],
+            scale * self._covariances[0].heights(self._tau, solved[self._rows[0]]),
             self._count + self._problem.n_simulations,
         )
+
+    def _cost(self, u: _Array, residuals: _Array) -> float:
+        """Quadratic terms of (D7) less the noise that passes, infinite where nothing could be simulated."""
+        if not np.isfinite(residuals).all():
+            return np.inf
+        passed = float(self.hypothesis.passed.sum() + self.hypothesis.slope @ (u - self.hypothesis.u))
+        return float(residuals @ self._solve(self._tau, residuals) + u @ u / PRIOR**2) - passed
 
     def _height(self) -> float:
         """τ of the largest evidence by the linear model."""
@@ -269,15 +292,6 @@ class _Comparison:
         for k, rows in zip(self._covariances, self._rows, strict=True):
             solved[rows] = k.solve(height, residuals[rows])
         return solved
-
-    def _simulated(self, height: float, determinants: float, u: _Array) -> tuple[float, _Array, _Array]:
-        """(D7), simulated at some deviations, their residuals without detail, and the deviations."""
-        residuals = self._problem.residuals(self._problem.values(u[None]))[0]
-        if not np.isfinite(residuals).all():
-            return -np.inf, residuals, u
-        passed = float(self.hypothesis.passed.sum()) + self.hypothesis.slope @ (u - self.hypothesis.u)
-        least = residuals @ self._solve(height, residuals) + u @ u / PRIOR**2
-        return -0.5 * float(least + determinants - passed), residuals, u
 
 
 def _sensitivities(hypothesis: Hypothesis) -> tuple[list[_Array], int]:

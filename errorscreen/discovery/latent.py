@@ -24,7 +24,7 @@ _EXPLAINS = 0.1
 _MOVES = 0.5
 #: power of what a place leaves beyond noise, as for effects whose form is wrong
 _FORM = 2.0
-#: how much more probable a place can be for its signal alone, where another one leaves no more
+#: how much more probable than another a place can be for its signal alone
 _SIMPLER = 3.0
 
 _Array = NDArray[np.float64]
@@ -127,13 +127,13 @@ def _begun(signals: Sequence[Effect], problem: FitProblem, starts: _Array) -> Jo
 
 
 def probabilities_of(found: Sequence[Detailed]) -> _Array:
-    """Probabilities by evidence, within what is left at each place.
+    """Probabilities by what each place leaves, and a little by how simple its signal is.
 
     What the best leaves beyond noise counts as noise of that size and smoothness (`noise_inflation`). But it is no
     noise: a linear model of the detail, and a device with other parameters, leave errors of form everywhere, and the
-    wrong place can leave a little less of them. And where two leave as little, evidence tells which signal is simpler:
-    an input of a controller and its output explain the same by different signals. So the odds of two places are no
-    longer than the squares of what they leave, and three to one for the simpler signal.
+    wrong place can leave a little less of them. So the odds of two places are no longer than the squares of what they
+    leave. Evidence, (D7), also tells which signal is simpler, but that rests on what is thought likely at each port: an
+    input of a controller and its output explain the same by different signals. It counts three to one at most.
 
     Parameters
     ----------
@@ -144,13 +144,15 @@ def probabilities_of(found: Sequence[Detailed]) -> _Array:
     -------
     ndarray of shape (n,)
     """
-    evidence = np.array([signal.evidence for signal in found])
-    best = int(np.argmax(evidence))
-    n = len(found[best].residuals)
-    left = np.array([max(signal.excess, np.sqrt(2.0 * n)) for signal in found])
-    by_evidence = (evidence[best] - evidence) / found[best].inflation
-    by_form = np.maximum(_FORM * np.log(left / left[best]), 0.0) + np.log(_SIMPLER)
-    weights = np.exp(-np.minimum(by_evidence, by_form))
+    n = len(found[0].residuals)
+    evidence, excess = (np.array([getattr(s, name) for s in found]) for name in ("evidence", "excess"))
+    left = np.maximum(excess, np.sqrt(2.0 * n))
+    least = np.lexsort((-evidence, left))[0]
+    inflation = found[least].inflation
+    by_noise = 0.5 * (left - left[least]) / inflation
+    by_form = _FORM * np.log(left / left[least])
+    simpler = np.clip((evidence - evidence[least]) / inflation, -np.log(_SIMPLER), np.log(_SIMPLER))
+    weights = np.exp(simpler - np.minimum(by_noise, by_form))
     return np.asarray(weights / weights.sum())
 
 

@@ -76,7 +76,7 @@ def test_what_the_best_signal_leaves_makes_evidence_say_less():
         chi2, n = residuals @ residuals, len(residuals)
         places = [
             SimpleNamespace(evidence=0.0, excess=chi2 - n, observations=[observation], residuals=residuals),
-            SimpleNamespace(evidence=-evidence, excess=chi2 - n + more, observations=[observation]),
+            SimpleNamespace(evidence=-evidence, excess=chi2 - n + more, inflation=1.0, residuals=residuals),
         ]
         places[0].inflation = Hypothesis.inflation.fget(places[0])
         return probabilities_of(places)[0]
@@ -84,12 +84,14 @@ def test_what_the_best_signal_leaves_makes_evidence_say_less():
     n = len(white)
     assert first(white, 30.0, 100.0 * n) > 0.9999
     assert first(np.zeros(n), 30.0, 100.0 * n) > 0.9999
-    assert 0.5 < first(smooth, 30.0, 100.0 * n) < 0.6
-    # where both leave only noise, the simpler signal says little
-    assert first(np.zeros(n), 30.0, 0.0) == pytest.approx(0.75)
-    assert first(np.zeros(n), 0.5, 0.0) == pytest.approx(1.0 / (1.0 + np.exp(-0.5)))
     left = smooth @ smooth - n  # ten per cent more of it is no evidence, however many samples there are
     assert first(smooth, 1e6, 0.1 * left) == pytest.approx(3.63 / 4.63)
+    assert first(smooth, 0.0, 0.1 * left) == pytest.approx(1.21 / 2.21)
+    # where both leave only noise, the simpler signal says little, and no more where it leaves much
+    assert first(np.zeros(n), 30.0, 0.0) == pytest.approx(0.75)
+    assert first(np.zeros(n), -30.0, 0.0) == pytest.approx(0.25)
+    assert first(np.zeros(n), 0.5, 0.0) == pytest.approx(1.0 / (1.0 + np.exp(-0.5)))
+    assert first(white, -1e6, 100.0 * n) > 0.999
 
 
 def test_a_signal_is_also_sought_from_the_nominal_parameters(monkeypatch):
