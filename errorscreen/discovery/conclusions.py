@@ -160,12 +160,10 @@ def place_text(places: Sequence[Place], simulator: Simulator) -> str:
             f"A signal that enters at {first.place} of the {first.device} would explain it best, "
             f"{_percent(first.explained)} of what parameters leave ({first.text})."
         )
-        alike = [
-            f"{p.place} of the {p.device}" for p in places[1:] if p.probability >= ALIKE * first.probability
-        ]
+        alike = alike_places(places)
         if alike:
-            text += f" These recordings do not tell it from a signal at {', or at '.join(alike)}."
-        if first.explained < LITTLE:
+            text += f" These recordings do not tell it from a signal at {alike}."
+        if max(place.explained for place in places) < LITTLE:
             text += " That is little: time stamps and filters of what was recorded may be wrong instead."
         return text
     if not any(effect.kind == "latent" for effect in simulator.effects):
@@ -173,9 +171,10 @@ def place_text(places: Sequence[Place], simulator: Simulator) -> str:
     return "An unknown signal explains it at none of the simulator's ports."
 
 
-def alike_places(places: Sequence[Place]) -> list[Place]:
-    """Places that cannot be told from the first."""
-    return [place for place in places[1:] if place.probability >= ALIKE * places[0].probability]
+def alike_places(places: Sequence[Place]) -> str:
+    """Places that cannot be told from the first, in words; empty if there is none."""
+    alike = [place for place in places[1:] if place.probability >= ALIKE * places[0].probability]
+    return ", or at ".join(f"{place.place} of the {place.device}" for place in alike[:_TOLD])
 
 
 def _percent(share: float) -> str:

@@ -181,7 +181,7 @@ def detailed(hypothesis: Hypothesis) -> Detailed:
 
 
 class _Comparison:
-    """Signal and detail of one hypothesis, and where parameters and knots have got to."""
+    """Signal and detail of one hypothesis, and where parameters and knots have got to; K stays that of the fit."""
 
     def __init__(self, hypothesis: Hypothesis) -> None:
         self.hypothesis = hypothesis
@@ -208,7 +208,7 @@ class _Comparison:
 
     def step(self) -> bool:
         """Go towards the minimum of the linear model as far as (D7) grows; whether that was worth it."""
-        _, _, u = self._at(self._tau)
+        *_, u = self._at(self._tau)
         trials = self._u + _SHARES[:, None] * (u - self._u)
         found = self._problem.residuals(self._problem.values(trials))
         values = [self._cost(v, z) for v, z in zip(trials, found, strict=True)]
@@ -220,7 +220,7 @@ class _Comparison:
 
     def result(self) -> Detailed:
         """Where it is, at the best τ."""
-        determinants, A, _ = self._at(self._tau)
+        _, determinants, A, _ = self._at(self._tau)
         solved = self._solve(self._tau, self._residuals)
         free = len(A) - float(np.trace(np.linalg.inv(A))) / PRIOR**2
         parameters = self.hypothesis.simulator.parameters
@@ -264,28 +264,22 @@ class _Comparison:
 
     def _linear(self, log: float) -> float:
         """(D7) by the linear model, for one ln τ."""
-        determinants, A, u = self._at(float(np.exp(log)))
-        products = self._product(float(np.exp(log)))
-        return -0.5 * float(u @ A @ u + self._tilted(products) @ u + products[-1, -1] + determinants)
+        least, determinants, _, _ = self._at(float(np.exp(log)))
+        return -0.5 * (least + determinants)
 
-    def _at(self, height: float) -> tuple[float, _Array, _Array]:
-        """Both determinants of (D7), matrix of the quadratic form in u, and its minimiser inside the bounds."""
-        products = self._product(height)
+    def _at(self, height: float) -> tuple[float, float, _Array, _Array]:
+        """Least quadratic terms of (D7), both determinants, matrix of the terms, and where they are least."""
+        pairs = zip(self._covariances, self._products, strict=True)
+        products = np.sum([k.product(height, values) for k, values in pairs], axis=0)
         A = products[:-1, :-1] + np.eye(len(products) - 1) / PRIOR**2
+        # a fit that lets less noise pass is no better, see `BoundedSearch.tilt`
+        slope = 2.0 * products[:-1, -1] - self.hypothesis.slope
         scale = np.sqrt(np.diag(A))
         scaled = A / np.outer(scale, scale) + _JITTER * np.eye(len(A))
-        bounds = self._problem.scaled_bounds * scale
-        u = bounded_minimum(scaled, 0.5 * self._tilted(products) / scale, *bounds) / scale
+        u = bounded_minimum(scaled, 0.5 * slope / scale, *self._problem.scaled_bounds * scale) / scale
+        least = products[-1, -1] + slope @ u + u @ A @ u
         determinants = sum(k.log_determinant(height) for k in self._covariances)
-        return float(determinants + np.linalg.slogdet(A * PRIOR**2)[1]), A, u
-
-    def _tilted(self, products: _Array) -> _Array:
-        """Slope of the quadratic form in u; a fit that lets less noise pass is no better, see `BoundedSearch.tilt`."""
-        return np.asarray(2.0 * products[:-1, -1] - self.hypothesis.slope)
-
-    def _product(self, height: float) -> _Array:
-        pairs = zip(self._covariances, self._products, strict=True)
-        return np.sum([k.product(height, products) for k, products in pairs], axis=0)
+        return float(least), float(determinants + np.linalg.slogdet(A * PRIOR**2)[1]), A, u
 
     def _solve(self, height: float, residuals: _Array) -> _Array:
         solved = np.empty_like(residuals)

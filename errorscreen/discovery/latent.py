@@ -76,7 +76,7 @@ def rank_places(base: Hypothesis) -> tuple[list[Place], int]:
     """Fit an unknown signal at each port together with all parameters, one of its own in each recording.
 
     A fit that has come to rest far above the best is not led to its end (`race`). Signals are compared with detail that
-    their knots are too coarse for (`detailed`). Where even that does not fit, evidence says less about the place
+    their knots are too coarse for (`detailed`). What is left even so tells less about the place than noise would
     (`probabilities_of`).
 
     Parameters
@@ -112,10 +112,11 @@ def rank_places(base: Hypothesis) -> tuple[list[Place], int]:
     count = sum(problem.n_simulations for problem in problems)
     # detail alone, without a signal between knots, would explain anything a little
     found = [hypothesis for hypothesis in found if _explained(hypothesis, base) >= _EXPLAINS]
-    if not found:
-        return [], count
-    full = side_by_side([partial(detailed, hypothesis) for hypothesis in found], threads)
+    tried = attempted([partial(detailed, hypothesis) for hypothesis in found], threads)
+    full = [signal for signal in tried if signal is not None]
     count += sum(signal.n_simulations for signal in full)
+    if not full:
+        return [], count
     moving = _moving(base)
     pairs = zip(full, probabilities_of(full), strict=True)
     places = [_place(s, float(w), _explained(s.hypothesis, base), moving) for s, w in pairs]

@@ -25,7 +25,8 @@ from errorscreen.parameters import Parameter
 KNOTS = 32
 #: parameters of the pulse: its height, and place and half width as shares of the window
 PULSE = ("pulse", "centre", "width")
-_STEPS = float(KNOTS**2)
+#: the window in units of the clock that s(t) is the root of
+_WINDOW = float(KNOTS**2)
 
 
 def latent(
@@ -55,7 +56,7 @@ def latent(
         + a26 * clip(1.0 - np.abs(s - 27.0), 0.0, 1.0) + a27 * clip(1.0 - np.abs(s - 28.0), 0.0, 1.0)
         + a28 * clip(1.0 - np.abs(s - 29.0), 0.0, 1.0) + a29 * clip(1.0 - np.abs(s - 30.0), 0.0, 1.0)
         + a30 * clip(1.0 - np.abs(s - 31.0), 0.0, 1.0) + a31 * clip(1.0 - np.abs(s - 32.0), 0.0, 1.0)
-        + pulse * clip(1.0 - np.abs(past / _STEPS - centre) / width, 0.0, 1.0)
+        + pulse * clip(1.0 - np.abs(past / _WINDOW - centre) / width, 0.0, 1.0)
     )  # fmt: skip
     return value + on * u, 1.0 + 0.0 * t
 

@@ -96,8 +96,8 @@ def _to_locate(finder: CauseFinder, refuted: bool) -> Iterator[str]:
                 "each other first."
             )
             continue
-        alike = [f"{other.place} of the {other.device}" for other in alike_places(finder.places_)]
-        also = f" (or at {', or at '.join(alike)})" if alike else ""
+        alike = alike_places(finder.places_)
+        also = f" (or at {alike})" if alike else ""
         yield (
             f"Something unknown enters at {place.place} of the {place.device}{also}: record {named}whatever acts on it."
         )
