@@ -158,7 +158,13 @@ def discovery_study(
 
 
 def run_scenario(
-    case: str, seed: int, number: int, noise_db: float, least_size: float, kind: str | None = None
+    case: str,
+    seed: int,
+    number: int,
+    noise_db: float,
+    least_size: float,
+    kind: str | None = None,
+    max_effects: int = 2,
 ) -> _Record:
     """Draw one scenario, of a kind if it is given, search it, and judge what was found."""
     streams = np.random.SeedSequence(seed, spawn_key=(number,)).spawn(2)
@@ -167,7 +173,8 @@ def run_scenario(
         draw, _ = CASES[case]
         hidden = draw(streams[0], noise_db, kind=kind, least_size=least_size)
         started = perf_counter()
-        finder = CauseFinder(hidden.simulator, random_state=int(streams[1].generate_state(1)[0]))
+        search_seed = int(streams[1].generate_state(1)[0])
+        finder = CauseFinder(hidden.simulator, max_effects=max_effects, random_state=search_seed)
         finder.fit(list(hidden.recordings))
         seconds = perf_counter() - started
     first = finder.causes_[0]
