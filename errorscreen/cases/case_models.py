@@ -206,6 +206,11 @@ class DiscoverySection(Section):
         description="probability below which what is left counts as more than noise; the draws of the test tell none "
         "apart that are smaller than 0.001",
     )
+    step: Positive | None = Field(
+        default=None,
+        description="longest integration step of the search in s, what comes near to noise is fitted with a quarter of "
+        "it; if not given that of the simulation, for a grid twice as much up to 0.005",
+    )
     first_look: int = Field(
         default=0,
         description="samples of a network that ranks parameters and effects before the search, at least 20; 0 for none",

@@ -312,7 +312,7 @@ class Simulator(ABC):
         factor : int
         """
         step = getattr(self, "step", None)
-        return self if step is None else self._with_step(step / factor)
+        return self if step is None else self.with_step(step / factor)
 
     def with_step_of(self, other: Simulator) -> Simulator:
         """Return this simulator with the step of another, see `refined`; itself where it has no step.
@@ -324,9 +324,12 @@ class Simulator(ABC):
         other : Simulator
         """
         step = getattr(other, "step", None)
-        return self if step is None else self._with_step(step)
+        return self if step is None else self.with_step(step)
 
-    def _with_step(self, step: float) -> Simulator:
+    def with_step(self, step: float) -> Simulator:
+        """Return this simulator with another longest step in seconds; itself where it has no step."""
+        if getattr(self, "step", None) is None:
+            return self
         changed = copy.copy(self)
         changed.step = step  # type: ignore[attr-defined]
         return changed

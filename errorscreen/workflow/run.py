@@ -19,6 +19,7 @@ from errorscreen.simulators.base import REMEDIES, Simulator, Status
 from errorscreen.workflow.calibrate import calibrate_map, calibrate_pso
 from errorscreen.workflow.discover import discover_causes
 from errorscreen.workflow.screen import Screened, screen
+from errorscreen.workflow.search_step import search_simulator
 from errorscreen.workflow.stages import StageStore
 from errorscreen.workflow.study import Calibrated, Discovered, Outcome, Study
 
@@ -144,7 +145,7 @@ def _discovered(study: Study, store: StageStore, report: Callable[[str], None]) 
         "discovery",
         study.fingerprint("discovery", study.together, study.held_out),
         lambda: discover_causes(
-            study.simulator,
+            search_simulator(study.simulator, study.discovery, study.observations),
             study.searched,
             study.held_out,
             study.discovery,

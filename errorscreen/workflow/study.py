@@ -24,6 +24,7 @@ from errorscreen.simulators.base import Simulator
 from errorscreen.workflow.advice import doubts
 from errorscreen.workflow.grid_recordings import observed_grid
 from errorscreen.workflow.screen import Screened
+from errorscreen.workflow.search_step import search_simulator
 
 Stage = Literal["screening", "calibration", "discovery"]
 
@@ -97,11 +98,14 @@ class Study:
         together = case.load_together()
         recordings = (recording, *together, *held_out)
         for one in recordings:
-            for key in ("step", "dt"):
-                seconds = getattr(case.simulation, key)
+            steps = {
+                "simulation.step": case.simulation.step,
+                "simulation.dt": case.simulation.dt,
+                "discovery.step": case.discovery.step,
+            }
+            for key, seconds in steps.items():
                 if seconds is not None:
-                    where = f"recording {one.name!r}, simulation.{key}"
-                    check_steps(one.time[-1] - one.time[0], seconds, where)
+                    check_steps(one.time[-1] - one.time[0], seconds, f"recording {one.name!r}, {key}")
         further: tuple[Recording | Observation, ...] = recordings[1:]
         first: Recording | Observation = recording
         simulator: Simulator
@@ -163,6 +167,8 @@ class Study:
             together=tuple(others[: len(together)]),
         )
         _check_distinct(study)
+        if study.discovery.step is not None:  # told now, not after all that comes before the search
+            search_simulator(simulator, study.discovery, study.observations)
         return study
 
     def fingerprint(self, stage: Stage, *more: Any) -> str:
