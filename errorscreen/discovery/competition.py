@@ -154,6 +154,8 @@ class Competition(Refinement):
         best = self.nearest(self.max_effects)
         if self.adequate or best is None or len(best.effects) < 2:
             return
+        if not self.explained(len(best.effects), PART):  # hardly one of them is right
+            return
         sets = [tuple(e for e in best.effects if e is not dropped) for dropped in best.effects]
         if len(best.effects) == 2:
             first = min(self.signatures, key=self.signatures.__getitem__, default="")

@@ -108,6 +108,27 @@ def test_an_effect_that_imitates_another_one_is_exchanged(monkeypatch):
     assert found.adequate[0].theta == pytest.approx([0.45, 4.4, 0.6, 0.4], rel=0.05)
 
 
+@pytest.mark.parametrize(
+    ("pair", "exchanged"),
+    [(("lag_position", NAMES[0]), True), (("velocity.drag(position)", "velocity.viscous(velocity)"), False)],
+    ids=["leaves little", "leaves most"],
+)
+def test_only_a_pair_that_leaves_less_than_half_is_exchanged(pair, exchanged, monkeypatch):
+    simulator = oscillator(push(time=TIME), step=0.05)
+    known = {effect.name: effect for effect in simulator.effects}
+    effects = [known[name] for name in pair]
+    observation = simulator.observe(recorded(NAMES, [0.45, 4.4, 0.6, 0.4], 2e-3))
+    found = competition(simulator, observation, max_effects=2)
+    races = []
+    monkeypatch.setattr(
+        Competition, "_select", lambda self, _: self._refit(effects, self.base, [self.base], everywhere=False)
+    )
+    monkeypatch.setattr(Competition, "_race", lambda self, among, _: races.append(among))
+    monkeypatch.setattr(Competition, "_spread", lambda self: None)
+    found.run(simulator.effects)
+    assert bool(races) == exchanged
+
+
 def test_a_second_effect_that_no_signature_promises_is_found_by_growing_fits(monkeypatch):
     """Beside the first effect, joint fits from signatures are all of others than the right one."""
     plain = competition_module.promised
