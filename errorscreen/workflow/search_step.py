@@ -50,7 +50,11 @@ def search_simulator(
             raise InputError(
                 "the simulator has no step", where="discovery.step", remedy="Leave discovery.step out"
             )
-        return _simulating(simulator.with_step(section.step), observations)
+        try:
+            return _simulating(simulator.with_step(section.step), observations)
+        except InputError as error:
+            where = f"{error.where}, discovery.step"
+            raise InputError(error.what, where=where, allowed=error.allowed, remedy=error.remedy) from error
     if isinstance(simulator, PowerSystemSimulator) and simulator.step < GRID_STEP:
         with contextlib.suppress(InputError):
             return _simulating(simulator.with_step(min(2 * simulator.step, GRID_STEP)), observations)
