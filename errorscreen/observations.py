@@ -142,7 +142,7 @@ class Observation:
         """Time axis in seconds, shape (L,)."""
         return self.event.time
 
-    @property
+    @cached_property
     def mask(self) -> NDArray[np.bool_]:
         """True where a value was measured, shape (R, L)."""
         return np.isfinite(self.values)

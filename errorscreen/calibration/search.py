@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,6 +22,8 @@ _FIRST_DAMPING, _LARGEST_DAMPING, _SMALLEST_DAMPING = 0.1, 1e6, 1e-9
 _JITTER = 1e-12
 #: a decrease below this share of what counts as converged is no progress
 _NO_PROGRESS = 1e-2
+#: such a share of what a fit leaves beyond noise counts as one standard deviation of one parameter, where it is more
+_BEYOND = 0.1
 #: guesses of what lies at a bound, before an algorithm that cannot cycle takes over
 _GUESSES = 30
 
@@ -92,9 +95,13 @@ class BoundedSearch:
         Standard deviation s of the Gaussian prior of each u around 0.
     tol : float
         Converged where the undamped step inside the bounds promises to lower the objective by less than
-        ``tol * max(1, χ²/N)``. A decrease by 1 is one standard deviation of one parameter.
+        ``tol * max(1, χ²/N, (χ² - N) / 10)``. A decrease by 1 is one standard deviation of one parameter, if only noise
+        is left. What else is left is smooth, and a standard deviation is larger then (`noise_inflation`): by default
+        less than a thousandth of it is not pursued, neither for a promise nor step by step.
     step : float
         Step of the differences in u.
+    central : bool
+        Whether differences become central at the end. Where a start need not come to its very minimum they need not.
 
     Attributes
     ----------
@@ -121,10 +128,11 @@ class BoundedSearch:
         prior: float,
         tol: float,
         step: float,
+        central: bool = True,
     ) -> None:
         self._residuals = residuals
         self._lower, self._upper = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
-        self._prior, self._tol, self._step = prior, tol, step
+        self._prior, self._tol, self._step, self._central = prior, tol, step, central
         self.slope = np.zeros(len(self._lower))
         self.tracks: list[Track] = []
 
@@ -137,9 +145,7 @@ class BoundedSearch:
 
     def alone(self, track: Track) -> BoundedSearch:
         """Return another search of the same objective, with one track."""
-        other = BoundedSearch(
-            self._residuals, self._lower, self._upper, prior=self._prior, tol=self._tol, step=self._step
-        )
+        other = copy(self)
         other.tracks = [track]
         return other
 
@@ -165,7 +171,7 @@ class BoundedSearch:
         self._differentiate(active)
         for track in active:
             track.promise = self.promise(track)
-            if track.promise < self._tol * self._unit(track):
+            if track.promise < self._tol * max(self._unit(track), self._beyond(track)):
                 self._stop(track, "converged")
         active = [track for track in self._active() if track.jacobian is not None]
         if active:
@@ -208,7 +214,7 @@ class BoundedSearch:
 
     def _stop(self, track: Track, state: str) -> None:
         """End a track, or let it go on with central differences where it had one-sided ones."""
-        if track.central:
+        if track.central or not self._central:
             track.state = state
         else:
             track.central, track.jacobian = True, None
@@ -256,6 +262,10 @@ class BoundedSearch:
         """Decrease of the objective that is one standard deviation of one parameter."""
         return max(1.0, float(np.mean(track.residuals**2)))
 
+    def _beyond(self, track: Track) -> float:
+        """The same where more than noise is left; negative where less is."""
+        return _BEYOND * float(track.residuals @ track.residuals - len(track.residuals))
+
     def promise(self, track: Track) -> float:
         """How much the undamped linear model would lower the objective."""
         A, g = self.normal_equations(track)
@@ -292,7 +302,7 @@ class BoundedSearch:
             elif track.damping < _LARGEST_DAMPING:
                 track.damping *= _DAMPINGS[-1] / _DAMPINGS[0] * 10  # the next seven lie above all of these
                 continue
-            if gain < _NO_PROGRESS * self._tol * self._unit(track):
+            if gain < self._tol * max(_NO_PROGRESS * self._unit(track), self._beyond(track)):
                 self._stop(track, "kink" if track.promise < self._unit(track) else "stalled")
 
 

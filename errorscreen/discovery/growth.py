@@ -90,7 +90,7 @@ class Growth:
             part = self.problem.until(share)
             starts = self.reached if self._fit is None else self._scattered(self._fit, part)
             kept_ = max(1, round(kept * self._size))
-            self._fit = JointFit(self.effects, part, starts).keep(kept_).run(iterations)
+            self._fit = JointFit(self.effects, part, starts, central=False).keep(kept_).run(iterations)
             self.reached, self.objective = self._fit.reached, self._fit.objective
             self.problem.n_simulations += part.n_simulations
             self._number += 1

@@ -176,6 +176,8 @@ class JointFit:
     problem : FitProblem
     starts : array-like of shape (s, k)
         Deviations from the nominal values in multiples of the scales.
+    central : bool
+        See `BoundedSearch`; without, it has no `hypothesis`.
 
     Raises
     ------
@@ -183,9 +185,11 @@ class JointFit:
         If no start can be simulated.
     """
 
-    def __init__(self, effects: Sequence[Effect], problem: FitProblem, starts: ArrayLike) -> None:
+    def __init__(
+        self, effects: Sequence[Effect], problem: FitProblem, starts: ArrayLike, central: bool = True
+    ) -> None:
         self.effects, self.problem = tuple(effects), problem
-        self._search = _search(problem)
+        self._search = _search(problem, central)
         self._search.begin(starts)
         if not self._search.tracks:
             raise problem.no_success()
@@ -378,8 +382,14 @@ def _linearised(problem: FitProblem, u: ArrayLike) -> BoundedSearch:
     return search
 
 
-def _search(problem: FitProblem) -> BoundedSearch:
+def _search(problem: FitProblem, central: bool = True) -> BoundedSearch:
     lower, upper = problem.scaled_bounds
     return BoundedSearch(
-        lambda u: problem.residuals(problem.values(u)), lower, upper, prior=PRIOR, tol=_TOL, step=_STEP
+        lambda u: problem.residuals(problem.values(u)),
+        lower,
+        upper,
+        prior=PRIOR,
+        tol=_TOL,
+        step=_STEP,
+        central=central,
     )

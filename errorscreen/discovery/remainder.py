@@ -41,6 +41,9 @@ _FEWEST = 3
 _FEWEST_DRAWS = 20
 #: draws of noise that are transformed at a time
 _BLOCK = 16
+#: draws after which no more are made if none of them comes near: what is so many times as conspicuous as all of them is
+#: not reached by any
+_FIRST_DRAWS, _NEVER = 200, 3.0
 
 _Array = NDArray[np.float64]
 
@@ -128,7 +131,8 @@ def remainder_test(
         Level of the noise in the residuals of each recording, in multiples of what its observation says, where noise of
         injected signals passes otherwise than counted; 1 where not given.
     n_bootstrap : int
-        Draws of noise, at least 20; the smallest p-value is 1/(n_bootstrap + 1).
+        Draws of noise, at least 20; the smallest p-value is 1/(n_bootstrap + 1). Only the first 200 are made where the
+        residuals are three times as conspicuous as any of these.
     random_state : None, int, SeedSequence, Generator or RandomState
 
     Returns
@@ -162,26 +166,42 @@ def remainder_test(
             allowed=f"at least {_FEWEST} in one stage of the event",
         )
     ones = [np.ones(len(o.channels)) for o in observations]
-    null = _null(observations, n_bootstrap, tau, spread, ones if levels is None else levels, rng)
-    if jacobian is not None and np.size(jacobian):
-        J = np.asarray(jacobian, dtype=float)
-        A = cho_factor(J.T @ J + np.eye(J.shape[1]) / PRIOR**2)
-        null = null - cho_solve(A, (null @ J).T).T @ J.T
-    blocks = range(0, n_bootstrap, _BLOCK)  # of a size that stays in the processor's cache
-    drawn = np.concatenate([_energies(observations, null[i : i + _BLOCK])[1] for i in blocks])
-    mean = drawn.mean(axis=0)
-    roots = np.cbrt(drawn / mean)
-    centre, width = roots.mean(axis=0), roots.std(axis=0)
-    excess = (np.cbrt(energy[0] / mean) - centre) / width
-    largest = ((roots - centre) / width).max(axis=1)
+    levels = ones if levels is None else levels
+    J = np.zeros((len(z), 0)) if jacobian is None else np.asarray(jacobian, dtype=float)
+
+    def draw(n: int) -> _Array:
+        return _drawn(observations, J, _null(observations, n, tau, spread, levels, rng))
+
+    drawn = draw(min(n_bootstrap, _FIRST_DRAWS))
+    excess, largest = _excess(energy[0], drawn)
+    if len(drawn) < n_bootstrap and excess.max() < _NEVER * largest.max():
+        drawn = np.concatenate([drawn, draw(n_bootstrap - len(drawn))])
+        excess, largest = _excess(energy[0], drawn)
     p_cells = norm.sf(excess)
     significant = false_discovery_control(p_cells) < 0.05
     cells = tuple(
         Cell(label[0], label[1], label[2], label[3], float(e / m), float(m), float(p), bool(s))
-        for label, e, m, p, s in zip(labels, energy[0], mean, p_cells, significant, strict=True)
+        for label, e, m, p, s in zip(labels, energy[0], drawn.mean(axis=0), p_cells, significant, strict=True)
     )
     beyond = int(np.sum(largest >= excess.max()))
     return Remainder((1.0 + beyond) / (n_bootstrap + 1.0), float(excess.max()), cells)
+
+
+def _drawn(observations: Sequence[Observation], jacobian: _Array, null: _Array) -> _Array:
+    """Energies (n, cells) of draws of noise (n, N) without what would have been fitted, (D3)."""
+    if jacobian.size:
+        A = cho_factor(jacobian.T @ jacobian + np.eye(jacobian.shape[1]) / PRIOR**2)
+        null = null - cho_solve(A, (null @ jacobian).T).T @ jacobian.T
+    blocks = range(0, len(null), _BLOCK)  # of a size that stays in the processor's cache
+    return np.concatenate([_energies(observations, null[i : i + _BLOCK])[1] for i in blocks])
+
+
+def _excess(energy: _Array, drawn: _Array) -> tuple[_Array, _Array]:
+    """Excess of each cell (cells,), and the largest of each draw (n,), in standard deviations of the draws."""
+    mean = drawn.mean(axis=0)
+    roots = np.cbrt(drawn / mean)
+    centre, width = roots.mean(axis=0), roots.std(axis=0)
+    return (np.cbrt(energy / mean) - centre) / width, ((roots - centre) / width).max(axis=1)
 
 
 def bands(observation: Observation) -> tuple[float, ...]:

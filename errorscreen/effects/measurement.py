@@ -20,6 +20,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -43,30 +44,34 @@ def offset(values: _Array, h: float, b: _Array) -> _Array:
     return np.asarray(values + b[:, None])
 
 
+@numba.njit(nogil=True, error_model="numpy")
 def skewed(values: _Array, h: float, d: _Array) -> _Array:
     """Channel that is d seconds late, linear between steps, (N3); the first or last value goes on at the ends."""
     n, length = values.shape
-    position = np.arange(length) - (d / h)[:, None]
-    first = np.clip(np.floor(position).astype(np.int64), 0, length - 1)
-    part = np.clip(position - first, 0.0, 1.0)
-    rows = np.arange(n)[:, None]
-    return np.asarray(
-        values[rows, first] + part * (values[rows, np.minimum(first + 1, length - 1)] - values[rows, first])
-    )
+    out = np.empty((n, length))
+    for row in range(n):
+        late = d[row] / h
+        for k in range(length):
+            first = min(max(int(np.floor(k - late)), 0), length - 1)
+            part = min(max(k - late - first, 0.0), 1.0)
+            following = min(first + 1, length - 1)
+            out[row, k] = values[row, first] + part * (values[row, following] - values[row, first])
+    return out
 
 
+@numba.njit(nogil=True, error_model="numpy")
 def lagged(values: _Array, h: float, T: _Array) -> _Array:
     """Smoothed channel, at rest before the record begins, (N5)."""
-    positive = np.where(T > 0, T, 1.0)
-    alpha = np.where(T > 0, np.exp(-h / positive), 0.0)
-    ratio = T / h * (1 - alpha)
-    u = values.T  # one instant after the other
-    out = np.empty_like(u)
-    out[0] = u[0]
-    driven = (ratio - alpha) * u[:-1] + (1 - ratio) * u[1:]
-    for k in range(len(driven)):
-        out[k + 1] = alpha * out[k] + driven[k]
-    return np.asarray(np.where(T > 0, out, u).T)
+    n, length = values.shape
+    out = values.copy()
+    for row in range(n):
+        if T[row] > 0:
+            alpha = np.exp(-h / T[row])
+            ratio = T[row] / h * (1 - alpha)
+            for k in range(1, length):
+                driven = (ratio - alpha) * values[row, k - 1] + (1 - ratio) * values[row, k]
+                out[row, k] = alpha * out[row, k - 1] + driven
+    return out
 
 
 def true_of_scaled(value: Any, a: Any) -> Any:
