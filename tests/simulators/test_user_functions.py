@@ -2,13 +2,14 @@
 
 from types import ModuleType
 
+import numba
 import numpy as np
 import pytest
 
 from errorscreen.events import InputSignal
 from errorscreen.parameters import Parameter
 from errorscreen.simulators import ODESimulator
-from errorscreen.simulators.user_functions import compile_all
+from errorscreen.simulators.user_functions import compile_all, identity
 
 EVENT = InputSignal(0.01 * np.arange(200), "push", 0.0, {"force": np.ones(200)})
 stiffness = 4.0
@@ -53,6 +54,10 @@ def model(rhs, **settings):
 
 def responses(rhs, n=3, **settings):
     return model(rhs, **settings).simulate(np.linspace(0.2, 1.0, n)[:, None]).values
+
+
+def test_a_compiled_function_is_known_by_what_it_was_made_from():
+    assert identity(numba.njit(spring)) == identity(spring) != identity(numba.njit(spring_of_a_table))
 
 
 def test_a_function_that_has_not_changed_is_compiled_once():
