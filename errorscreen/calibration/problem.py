@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from errorscreen.observations import Observation
 from errorscreen.sampling import latin_hypercube
 from errorscreen.simulators.base import Simulator
 from errorscreen.simulators.observations import as_observations, check_names
+from errorscreen.threads import side_by_side
 
 #: simulated numbers that a thread holds at a time when only their misfit is wanted (128 MiB)
 _CHUNK = 2**24
@@ -66,7 +68,6 @@ class FitProblem:
         self.n_simulations = 0
         self.n_failed = 0
         self._failures = ""
-        self._levels = [quiet_level(o.values, o.time, o.event.start) for o in self.observations]
 
     def until(self, share: float) -> FitProblem:
         """Return the fit to this share of what was measured after the start of each event.
@@ -99,15 +100,12 @@ class FitProblem:
 
         See `Observation.deviations`. NaN where nothing was measured, and in rows that failed.
         """
-        return [
-            observation.deviations(responses)
-            for observation, responses in zip(self.observations, self._simulate(values), strict=True)
-        ]
+        return self._simulated(values, Observation.deviations)
 
     def residuals(self, values: ArrayLike) -> NDArray[np.float64]:
         """All deviations where something was measured, shape (n, N); NaN in rows that failed."""
-        pairs = zip(self.deviations(values), self.observations, strict=True)
-        return np.concatenate([z[:, observation.mask] for z, observation in pairs], axis=1)
+        parts = self._simulated(values, lambda seen, responses: seen.deviations(responses)[:, seen.mask])
+        return np.concatenate(parts, axis=1)
 
     def chi_square(self, values: ArrayLike) -> NDArray[np.float64]:
         """χ² of each row, shape (n,); NaN in rows that failed. Any number of rows fits into memory."""
@@ -156,34 +154,47 @@ class FitProblem:
         A channel of which a recording holds nothing adds nothing.
         """
         lambdas = channel_weights(weights, len(self.simulator.channels))
-        total = np.zeros(len(np.atleast_2d(values)))
-        pairs = zip(self.observations, self._simulate(values), self._levels, strict=True)
-        for observation, responses, level in pairs:
+
+        def misfit(observation: Observation, responses: NDArray[np.float64]) -> NDArray[np.float64]:
+            level = quiet_level(observation.values, observation.time, observation.event.start)
             measured = observation.mask.any(axis=1)
             errors = response_error(responses[:, measured], observation.values[measured], level[measured])
-            total += objective(errors, lambdas[measured])
-        return total
+            return objective(errors, lambdas[measured])
+
+        return np.sum(self._simulated(values, misfit), axis=0)
 
     def no_success(self) -> SimulationError:
         """Build the error for a fit in which no simulation ended well."""
         return SimulationError(f"no simulation of the fit ended well: {self._failures}.")
 
-    def _simulate(self, values: ArrayLike) -> Iterator[NDArray[np.float64]]:
+    def _simulated(
+        self, values: ArrayLike, use: Callable[[Observation, NDArray[np.float64]], NDArray[np.float64]]
+    ) -> list[NDArray[np.float64]]:
+        """What is made of each observation and the responses (n, R, L) to its event, side by side."""
         theta = self.embed(values)
-        for observation in self.observations:
-            rows, which = theta, None
-            if any(not effect.acts_in(observation.event) for effect in self.simulator.extensions):
-                # rows that differ in nothing that acts in this event are simulated once
-                rows, which = np.unique(
-                    self.simulator.acting(theta, observation.event), axis=0, return_inverse=True
-                )
-            responses = self.simulator.simulate(rows, observation.event)
-            self.n_simulations += len(rows)
-            failed = int(np.sum(~responses.ok))
-            if failed:
-                self.n_failed += failed
-                self._failures = responses.failures()
-            yield responses.values if which is None else responses.values[which.ravel()]
+        calls = [partial(self._respond, theta, observation, use) for observation in self.observations]
+        parts = side_by_side(calls, self.simulator.threads)
+        for _, count, failed, failures in parts:
+            self.n_simulations += count
+            self.n_failed += failed
+            self._failures = failures or self._failures
+        return [part for part, *_ in parts]
+
+    def _respond(
+        self,
+        theta: NDArray[np.float64],
+        observation: Observation,
+        use: Callable[[Observation, NDArray[np.float64]], NDArray[np.float64]],
+    ) -> tuple[NDArray[np.float64], int, int, str]:
+        """What is made of one recording, simulations, how many of them failed, and why."""
+        event, rows, which = observation.event, theta, None
+        if any(not effect.acts_in(event) for effect in self.simulator.extensions):
+            # rows that differ in nothing that acts in this event are simulated once
+            rows, which = np.unique(self.simulator.acting(theta, event), axis=0, return_inverse=True)
+        responses = self.simulator.simulate(rows, event)
+        failed = int(np.sum(~responses.ok))
+        part = use(observation, responses.values if which is None else responses.values[which.ravel()])
+        return part, len(rows), failed, responses.failures() if failed else ""
 
 
 def _samples_until(observation: Observation, share: float) -> int:

@@ -72,7 +72,6 @@ class Competition(Refinement):
         super().__init__(base, significance, seed, tell, journal)
         self.max_effects, self.n_fits, self.n_draws = max_effects, n_fits, n_draws
         self.signatures: dict[str, float] = {}
-        self._led: set[float] = set()  # objectives of fits that have no way out
 
     def run(self, candidates: Sequence[Effect]) -> None:
         """Try effects beside the parameters, and pairs of them as long as nothing is adequate."""
@@ -195,12 +194,9 @@ class Competition(Refinement):
 
     def _lead(self, hypotheses: Sequence[Hypothesis]) -> None:
         """Lead the first of some hypotheses as far as they go."""
-        first = hypotheses[:_BEAM]
-        known = [h for h in first if h.objective in self._led]
-        led = self._escape([h for h in first if h.objective not in self._led])
-        self._led |= {h.objective for h in led}
-        if not self.adequate and first:
-            self._polish(min(known + led, key=lambda h: h.objective))
+        led = self._escape(hypotheses[:_BEAM])
+        if led and not self.adequate:
+            self._polish(min(led, key=lambda h: h.objective))
 
     def _promised_fits(self, base: Hypothesis, searches: Sequence[SignatureSearch]) -> Sequence[JointFit]:
         threshold = base.objective - WORTH if self.is_adequate(base) else np.inf

@@ -77,16 +77,21 @@ class Refinement(Standings):
         self.simulator = base.simulator
         self.n_simulations = 0
         self._spread_out: Counter[str] = Counter()  # how often each has been fitted from everywhere
+        self._led: set[float] = set()  # objectives of fits that have no way out
+        self._coarse: set[float] = set()  # objectives of fits that a finer step makes no better
         self.keep(base, self.test(base))
         self._polish(base)
 
     def _escape(self, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
-        """Lead some hypotheses out of local minima, side by side."""
-        problems = {h.effects: FitProblem(h.simulator, list(h.observations), h.names) for h in hypotheses}
-        ways = [partial(self._way_out, h, problems[h.effects]) for h in hypotheses]
+        """Lead some hypotheses out of local minima, side by side, unless they have been."""
+        new = [h for h in hypotheses if h.objective not in self._led]
+        problems = {h.effects: FitProblem(h.simulator, list(h.observations), h.names) for h in new}
+        ways = [partial(self._way_out, h, problems[h.effects]) for h in new]
         self._take(problems, lambda: [h for h in side_by_side(ways, self.simulator.threads) if h is not None])
         self.n_simulations += sum(problem.n_simulations for problem in problems.values())
-        return [self.fit_of(h.effects) or h for h in hypotheses]
+        led = [self.fit_of(h.effects) or h for h in hypotheses]
+        self._led |= {h.objective for h in led}
+        return led
 
     def _way_out(self, hypothesis: Hypothesis, problem: FitProblem) -> Hypothesis | None:
         """Follow ways out of a local minimum, as long as they lead lower; with few parameters, search everywhere."""
@@ -163,8 +168,10 @@ class Refinement(Standings):
         model with its effects otherwise than through the nominal one. If that makes it adequate, all others that come
         near are treated in the same way, so that evidences stay comparable; if not, nothing changes.
         """
-        if self.is_adequate(hypothesis) or hypothesis.chi2_per_sample > _NEAR:
+        tried = hypothesis.objective in self._coarse
+        if tried or self.is_adequate(hypothesis) or hypothesis.chi2_per_sample > _NEAR:
             return hypothesis
+        self._coarse.add(hypothesis.objective)
         reference = self.simulator.refined(_FINER)
         fine = hypothesis.simulator.with_step_of(reference)
         before = fine.parameters.nominal  # noise was estimated without effects

@@ -45,7 +45,7 @@ def identity(function: Any) -> str:
 
 
 def _parts(function: Any) -> Iterator[str]:
-    function = getattr(function, "py_func", function)  # numba's compiled function has the one it was made from
+    function = getattr(function, "py_func", function)  # what numba has compiled was made from it
     code = getattr(function, "__code__", None)
     if code is None:  # an object that is called: what it is made of
         yield f"{type(function).__qualname__} {sorted(vars(function).items()) if hasattr(function, '__dict__') else ''}"
