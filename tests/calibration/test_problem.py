@@ -1,9 +1,14 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from errorscreen.calibration import problem as module
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.metrics import objective, response_error
+from errorscreen.observations import Observation
+from errorscreen.sampling import latin_hypercube
+from tests.plants import dip, plant
 from tests.toys import TIME, Pulse, oscillator
 
 SIMULATOR = oscillator()
@@ -52,6 +57,25 @@ def test_objective_sums_recordings_and_leaves_out_what_was_not_measured():
     expected = objective(response_error(simulated[0], first.values, levels[0]), [0.3, 0.7])
     expected += 0.3 * response_error(simulated[1][:1], second.values[:1], levels[1])[0]
     assert problem.objective([[6.0]], [0.3, 0.7]) == pytest.approx(expected)
+
+
+def test_recordings_side_by_side_give_what_they_give_one_after_the_other():
+    events = [dip(), replace(dip(depth=0.1), name="shallow")]
+    found, counts = [], []
+    for threads in (1, 2):
+        simulator = plant("synchronous_machine", n_threads=threads)
+        theta = latin_hypercube(simulator.parameters, 7, 0)
+        seen = [
+            Observation(
+                e, simulator.simulate(theta[:1], e).values[0], np.full(2, 1e-3), ("P", "Q"), ("pu", "pu")
+            )
+            for e in events
+        ]
+        problem = FitProblem(simulator, seen)
+        found.append(np.hstack([problem.residuals(theta), problem.objective(theta)[:, None]]))
+        counts.append(problem.n_simulations)
+    np.testing.assert_array_equal(*found)
+    assert counts == [2 * 2 * 7] * 2
 
 
 def test_failed_rows_are_nan_and_counted():

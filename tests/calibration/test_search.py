@@ -127,6 +127,38 @@ def test_one_sided_differences_save_evaluations_and_end_where_central_ones_do():
     assert sizes[0] < 0.75 * sizes[1]
 
 
+@pytest.mark.parametrize("noise", [1e-3, 1.0])
+def test_what_is_smooth_and_beyond_noise_is_not_lowered_by_its_last_thousandth(noise):
+    def counted(u):
+        evaluated.append(len(u))
+        return exponential(u) / noise
+
+    ends, sizes = [], []
+    for tol in (1e-2, 1e-12):
+        evaluated = []
+        ends.append(run(counted, [-WIDE] * 2, [WIDE] * 2, [[1.0, 0.2]], tol=tol).best)
+        sizes.append(sum(evaluated))
+    early, late = ends
+    enough = 1e-2 * max(1.0, late.cost / 25, 0.1 * (late.cost - 25))
+    assert early.state == "converged"
+    assert 0 <= early.cost - late.cost < enough
+    assert sizes[0] < 0.8 * sizes[1]
+
+
+def test_without_central_differences_a_search_ends_with_one_sided_ones():
+    search = BoundedSearch(
+        exponential, [-WIDE] * 2, [WIDE] * 2, prior=1e6, tol=1e-6, step=1e-4, central=False
+    )
+    search.begin([[1.0, 0.2]])
+    while search.iterate():
+        pass
+    assert search.best.state == "converged"
+    assert not search.best.central
+    assert search.best.u == pytest.approx(
+        run(exponential, [-WIDE] * 2, [WIDE] * 2, [[1.0, 0.2]]).best.u, rel=1e-3
+    )
+
+
 def test_a_descent_that_one_side_does_not_see_is_found():
     """To the left of 0 the residuals change, to the right they do not; the one side that is tried is the right."""
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from errorscreen.discovery import remainder as module
 from errorscreen.discovery import remainder_test
 from errorscreen.exceptions import InputError
 from errorscreen.observations import Observation
@@ -70,6 +71,26 @@ def test_a_swing_is_found_where_it_is():
     assert all(cell.channel == "Q" for cell in found.significant)
     # what is beyond noise is about the energy of the swing
     assert found.excess == pytest.approx(2.0 * (time > 1.0).sum(), rel=0.25)
+
+
+@pytest.mark.parametrize("size", [0.0, 5.0])
+def test_draws_that_cannot_reach_are_not_made(monkeypatch, size):
+    observation, made, null = seen(), [], module._null
+
+    def counted(observations, n, *rest):
+        made.append(n)
+        return null(observations, n, *rest)
+
+    monkeypatch.setattr(module, "_null", counted)
+    z = np.random.default_rng(7).standard_normal((2, len(observation.time)))
+    z[0] += size * (observation.time > 1.0)
+    found = remainder_test([observation], z.ravel())
+    assert made == ([200] if size else [200, 800])
+    monkeypatch.setattr(module, "_NEVER", np.inf)
+    every = remainder_test([observation], z.ravel())
+    assert found.p_value == every.p_value
+    assert found.excess == pytest.approx(every.excess, rel=0.02, abs=1e-9)
+    assert [c.significant for c in found.cells] == [c.significant for c in every.cells]
 
 
 def test_less_than_noise_is_no_merit():
