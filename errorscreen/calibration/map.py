@@ -83,7 +83,7 @@ class MAPCalibrator(BaseCalibrator):
         For each pair of starts; a start that has not ended goes on beside the next pair.
     tol : float, default 1e-2
         A start has converged where no step inside the bounds promises to lower the objective by more than
-        ``tol * max(1, χ²/N)``.
+        ``tol * max(1, χ²/N, (χ² - N) / 10)``.
     step : float, default 1e-4
         Step of the differences, in multiples of each parameter's scale.
     level : float, default 0.9

@@ -179,9 +179,10 @@ def remainder_test(
         excess, largest = _excess(energy[0], drawn)
     p_cells = norm.sf(excess)
     significant = false_discovery_control(p_cells) < 0.05
+    expected = drawn[:_FIRST_DRAWS].mean(axis=0)  # of the same draws for all fits: they are compared by it
     cells = tuple(
         Cell(label[0], label[1], label[2], label[3], float(e / m), float(m), float(p), bool(s))
-        for label, e, m, p, s in zip(labels, energy[0], drawn.mean(axis=0), p_cells, significant, strict=True)
+        for label, e, m, p, s in zip(labels, energy[0], expected, p_cells, significant, strict=True)
     )
     beyond = int(np.sum(largest >= excess.max()))
     return Remainder((1.0 + beyond) / (n_bootstrap + 1.0), float(excess.max()), cells)
