@@ -52,9 +52,9 @@ class Track:
     promise : float
         How much the undamped linear model would lower the objective from where the Jacobian was taken.
     state : str
-        ``"active"``; ``"converged"``; ``"kink"`` if no step lowers the objective although the linear model
-        promises it, but by less than one standard deviation, as happens where a limiter begins to act;
-        ``"stalled"`` if it promises more.
+        ``"active"``; ``"converged"``; ``"kink"`` if no step lowers the objective by enough, see `tol` of
+        `BoundedSearch`, although the linear model promises it, but by less than one standard deviation, as happens
+        where a limiter begins to act; ``"stalled"`` if it promises more.
     """
 
     u: _Array

@@ -108,7 +108,7 @@ class Hypothesis:
 
     @property
     def ended(self) -> bool:
-        """Whether no step led lower, be it at a minimum or where a kink or a jump is in the way."""
+        """Whether no step led lower by enough, be it at a minimum or where a kink or a jump is in the way."""
         return self.state != "active"
 
     @property

@@ -83,14 +83,15 @@ class Refinement(Standings):
         self._polish(base)
 
     def _escape(self, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
-        """Lead some hypotheses out of local minima, side by side, unless they have been."""
+        """Lead some hypotheses out of local minima, side by side, unless they are known to have no way out."""
         new = [h for h in hypotheses if h.objective not in self._led]
         problems = {h.effects: FitProblem(h.simulator, list(h.observations), h.names) for h in new}
         ways = [partial(self._way_out, h, problems[h.effects]) for h in new]
         self._take(problems, lambda: [h for h in side_by_side(ways, self.simulator.threads) if h is not None])
         self.n_simulations += sum(problem.n_simulations for problem in problems.values())
         led = [self.fit_of(h.effects) or h for h in hypotheses]
-        self._led |= {h.objective for h in led}
+        # what has been led lower may have another way out
+        self._led |= {h.objective for h in hypotheses} & {h.objective for h in led}
         return led
 
     def _way_out(self, hypothesis: Hypothesis, problem: FitProblem) -> Hypothesis | None:
@@ -122,7 +123,7 @@ class Refinement(Standings):
             self.keep(fitted, remainder, before)
 
     def _finish(self) -> None:
-        """Lead what a verdict rests on to its minimum: a fit on its way there looks like something missing."""
+        """Lead what a verdict rests on to its end: a fit on its way there looks like something missing."""
         for hypothesis in map(self.nearest, range(self.most_effects + 1)):
             if hypothesis is not None and not hypothesis.ended:
                 problem = FitProblem(hypothesis.simulator, list(hypothesis.observations), hypothesis.names)

@@ -13,7 +13,7 @@ the cube root (Wilson and Hilferty, PNAS 17, 1931), which is nearly normal; the 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -172,14 +172,9 @@ def remainder_test(
     def draw(n: int) -> _Array:
         return _drawn(observations, J, _null(observations, n, tau, spread, levels, rng))
 
-    drawn = draw(min(n_bootstrap, _FIRST_DRAWS))
-    excess, largest = _excess(energy[0], drawn)
-    if len(drawn) < n_bootstrap and excess.max() < _NEVER * largest.max():
-        drawn = np.concatenate([drawn, draw(n_bootstrap - len(drawn))])
-        excess, largest = _excess(energy[0], drawn)
+    expected, excess, largest = _compared(energy[0], draw, n_bootstrap)
     p_cells = norm.sf(excess)
     significant = false_discovery_control(p_cells) < 0.05
-    expected = drawn[:_FIRST_DRAWS].mean(axis=0)  # of the same draws for all fits: they are compared by it
     cells = tuple(
         Cell(label[0], label[1], label[2], label[3], float(e / m), float(m), float(p), bool(s))
         for label, e, m, p, s in zip(labels, energy[0], expected, p_cells, significant, strict=True)
@@ -195,6 +190,21 @@ def _drawn(observations: Sequence[Observation], jacobian: _Array, null: _Array) 
         null = null - cho_solve(A, (null @ jacobian).T).T @ jacobian.T
     blocks = range(0, len(null), _BLOCK)  # of a size that stays in the processor's cache
     return np.concatenate([_energies(observations, null[i : i + _BLOCK])[1] for i in blocks])
+
+
+def _compared(
+    energy: _Array, draw: Callable[[int], _Array], n_bootstrap: int
+) -> tuple[_Array, _Array, _Array]:
+    """What noise has in each cell (cells,), the excess of each, and the largest of each draw, see `_excess`.
+
+    What noise has is of the first draws for all residuals, because fits are compared by it.
+    """
+    first = drawn = draw(min(n_bootstrap, _FIRST_DRAWS))
+    excess, largest = _excess(energy, drawn)
+    if len(drawn) < n_bootstrap and excess.max() < _NEVER * largest.max():
+        drawn = np.concatenate([first, draw(n_bootstrap - len(first))])
+        excess, largest = _excess(energy, drawn)
+    return first.mean(axis=0), excess, largest
 
 
 def _excess(energy: _Array, drawn: _Array) -> tuple[_Array, _Array]:

@@ -44,9 +44,13 @@ def offset(values: _Array, h: float, b: _Array) -> _Array:
     return np.asarray(values + b[:, None])
 
 
-@numba.njit(nogil=True, error_model="numpy")
 def skewed(values: _Array, h: float, d: _Array) -> _Array:
     """Channel that is d seconds late, linear between steps, (N3); the first or last value goes on at the ends."""
+    return np.asarray(_skewed(values, h, d))
+
+
+@numba.njit(nogil=True, error_model="numpy")
+def _skewed(values: _Array, h: float, d: _Array) -> _Array:
     n, length = values.shape
     out = np.empty((n, length))
     for row in range(n):
@@ -59,9 +63,13 @@ def skewed(values: _Array, h: float, d: _Array) -> _Array:
     return out
 
 
-@numba.njit(nogil=True, error_model="numpy")
 def lagged(values: _Array, h: float, T: _Array) -> _Array:
     """Smoothed channel, at rest before the record begins, (N5)."""
+    return np.asarray(_lagged(values, h, T))
+
+
+@numba.njit(nogil=True, error_model="numpy")
+def _lagged(values: _Array, h: float, T: _Array) -> _Array:
     n, length = values.shape
     out = values.copy()
     for row in range(n):
