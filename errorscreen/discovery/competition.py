@@ -145,7 +145,7 @@ class Competition(Refinement):
         return searches
 
     def _exchange(self, candidates: Sequence[Effect]) -> None:
-        """Try all others in place of each effect of what comes nearest to noise, and beside what promised most alone.
+        """Try all others in place of each effect of what comes nearest to noise, and beside what may be right alone.
 
         Forward selection may have begun with an effect that imitates another one: a long ramp looks like a cessation.
         And a signature beside the right one may promise little: that and the parameters have made up for the second.
@@ -156,11 +156,13 @@ class Competition(Refinement):
         if not self.explained(len(best.effects), PART):  # hardly one of them is right
             return
         sets = [tuple(e for e in best.effects if e is not dropped) for dropped in best.effects]
+        fewer = [h for h in self.with_effects(len(best.effects) - 1) if self.leaves_less(h, PART)]
+        sets += [h.effects for h in sorted(fewer, key=lambda h: h.objective)[:_BEAM]]
         if len(best.effects) == 2:
             first = min(self.signatures, key=self.signatures.__getitem__, default="")
             sets += [(effect,) for effect in candidates if effect.name == first]
         bases = []
-        for kept in dict.fromkeys(sets):
+        for kept in {frozenset(effects): effects for effects in sets}.values():
             base = self.fit_of(kept) or self._refit(kept, self.base, [best], everywhere=False)
             if base is not None:
                 bases.append(base)

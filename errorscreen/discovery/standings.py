@@ -76,8 +76,12 @@ class Standings:
 
     def explained(self, size: int, share: float) -> bool:
         """Whether so many effects leave less than this share of what parameters leave."""
-        enough = share * self.remainders[self.base.name].excess
-        return any(self.remainders[h.name].excess < enough for h in self.with_effects(size))
+        return any(self.leaves_less(h, share) for h in self.with_effects(size))
+
+    def leaves_less(self, hypothesis: Hypothesis, share: float) -> bool:
+        """Whether a hypothesis leaves less than this share of what parameters leave."""
+        whole = self.remainders[self.base.name].excess
+        return self.remainders[hypothesis.name].excess < share * whole
 
     def passes(self, remainder: Remainder) -> bool:
         """Whether what is left passes for noise."""
