@@ -129,6 +129,29 @@ def test_only_a_pair_that_leaves_less_than_half_is_exchanged(pair, exchanged, mo
     assert bool(races) == exchanged
 
 
+@pytest.mark.parametrize(
+    ("alone", "joined"),
+    [
+        (("skew_position", "lag_position", NAMES[1]), {NAMES[1], "lag_position"}),
+        (("scale_position", NAMES[1]), {NAMES[1]}),
+    ],
+    ids=["the best two", "not what leaves most"],
+)
+def test_an_exchange_also_begins_at_the_best_single_effects(alone, joined, monkeypatch):
+    """The pair that comes nearest holds none of the effects that are best alone: both of it imitate something."""
+    simulator = oscillator(push(time=TIME), step=0.05)
+    known = {effect.name: effect for effect in simulator.effects}
+    pair = ("force.delay", "velocity.cubic(velocity)")
+    observation = simulator.observe(recorded(NAMES, [0.45, 4.4, 0.6, 0.4], 2e-3))
+    found = competition(simulator, observation, max_effects=2)
+    for names in [(name,) for name in alone] + [pair]:
+        found._refit([known[name] for name in names], found.base, [found.base], everywhere=False)
+    races = []
+    monkeypatch.setattr(Competition, "_race", lambda self, among, _: races.append(among))
+    found._exchange(simulator.effects)
+    assert {base.name for base in races[0]} == {*pair, *joined}
+
+
 def test_a_second_effect_that_no_signature_promises_is_found_by_growing_fits(monkeypatch):
     """Beside the first effect, joint fits from signatures are all of others than the right one."""
     plain = competition_module.promised
