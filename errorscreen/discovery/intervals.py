@@ -77,17 +77,25 @@ def profile(hypothesis: Hypothesis, name: str, width: float) -> tuple[float, flo
     problem = FitProblem(hypothesis.simulator, list(hypothesis.observations), hypothesis.names)
     u, j = hypothesis.u, hypothesis.names.index(name)
     others = np.flatnonzero(hypothesis.free & (np.arange(len(u)) != j))
+    J, slope = hypothesis.jacobian[:, others], hypothesis.slope
+    # the others stay where they are, or go with it as far as they were fitted together
+    alone = np.eye(len(u))[j]
+    together = hypothesis.covariance[:, j] / hypothesis.covariance[j, j]
     bounds = np.clip([u[j] - width * PRIOR, u[j] + width * PRIOR], *problem.scaled_bounds[:, j])
     # the right values are where the tilted objective is lowest
-    lowest = float(objectives(problem, u[None])[0] - u @ hypothesis.slope)
+    lowest = float(objectives(problem, u[None])[0] - u @ slope)
     ends = []
     for outside in bounds:
         inside = u
         for _ in range(_ROUNDS):
-            rows = np.tile(inside, (_POINTS, 1))
-            rows[:, j] = np.linspace(inside[j], outside, _POINTS + 1)[1:]
-            objective, rows = _followed(problem, rows, hypothesis.jacobian[:, others], others)
-            worse = np.flatnonzero(objective - rows @ hypothesis.slope > lowest + width**2)
+            moves = np.linspace(0.0, outside - inside[j], _POINTS + 1)[1:]
+            (first, at), (second, there) = [
+                _followed(problem, inside + np.outer(moves, way), J, others, slope)
+                for way in (alone, together)
+            ]
+            objective = np.minimum(first, second)
+            rows = np.where((first <= second)[:, None], at, there)
+            worse = np.flatnonzero(objective > lowest + width**2)
             good = worse[0] if len(worse) else _POINTS
             inside = rows[good - 1] if good else inside
             if good == _POINTS:
@@ -99,20 +107,24 @@ def profile(hypothesis: Hypothesis, name: str, width: float) -> tuple[float, flo
 
 
 def _followed(
-    problem: FitProblem, rows: _Array, J: _Array, others: NDArray[np.int64]
+    problem: FitProblem, rows: _Array, J: _Array, others: NDArray[np.int64], slope: _Array
 ) -> tuple[_Array, _Array]:
-    """Objectives at rows (n, k) and the rows after other parameters have followed: simulated, not as the model says."""
+    """Tilted objectives at rows (n, k) and the rows after others have followed: simulated, not as the model says."""
     lower, upper = problem.scaled_bounds
-    best = np.array(rows)
-    lowest = np.nan_to_num(objectives(problem, rows), nan=np.inf)
+    rows = np.clip(rows, lower, upper)
+
+    def tilted(rows: _Array) -> _Array:
+        return np.nan_to_num(objectives(problem, rows) - rows @ slope, nan=np.inf)
+
+    best, lowest = rows, tilted(rows)
     for _ in range(_FOLLOWED):
         predicted, steps = projected(problem, rows, J, others)
         rows = rows.copy()
         rows[:, others] += np.where(np.isfinite(predicted)[:, None], steps, 0.0)
         rows = np.clip(rows, lower, upper)
-        objective = objectives(problem, rows)
+        objective = tilted(rows)
         better = objective < lowest
-        lowest[better], best[better] = objective[better], rows[better]
+        lowest, best = np.minimum(lowest, objective), np.where(better[:, None], rows, best)
     return lowest, best
 
 

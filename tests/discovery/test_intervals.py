@@ -14,23 +14,28 @@ from errorscreen.observations import Observation
 from tests.plants import OPERATING_POINT, plant
 
 NOISE = np.full(2, 2e-3)
+TIME = np.arange(0.0, 5.0, 1 / 60)
 #: the shallow dip does nothing, the deep one stops the plant
 SHALLOW, DEEP = 0.8, 0.6
 
 
-def fitted(threshold):
-    """A plant whose threshold lies between the two dips, fitted from the truth, and its cause."""
-    time = np.arange(0.0, 5.0, 1 / 60)
-    voltage = np.where((time > 1) & (time < 1.3), SHALLOW, np.where((time > 2.5) & (time < 2.8), DEEP, 1.0))
-    event = Playback(time, "two dips", 1.0, {"V": voltage, "angle": 0.0 * time}, OPERATING_POINT)
-    model = plant("pv_plant", event).extend("cessation")
+def fitted_with(name, own, voltage):
+    """A plant with an effect at some values, fitted from the truth, and the effect."""
+    event = Playback(TIME, "dips", 1.0, {"V": voltage, "angle": 0.0 * TIME}, OPERATING_POINT)
+    model = plant("pv_plant", event).extend(name)
     effect = model.extensions[0]
-    truth = np.concatenate([model.parameters.nominal[:-6], [1.0, threshold, 0.05, 0.2, 0.2, 0.4]])
+    truth = np.concatenate([model.parameters.nominal[: -len(own)], own])
     y = model.simulate(truth).require_ok().values[0]
     y = y + NOISE[:, None] * np.random.default_rng(0).standard_normal(y.shape)
     problem = FitProblem(model, Observation(event, y, NOISE, model.channels, model.units))
     u = (truth - problem.space.nominal) / problem.space.scales
-    hypothesis = fit_hypothesis((effect,), problem, u)
+    return fit_hypothesis((effect,), problem, u), effect
+
+
+def fitted(threshold):
+    """A plant whose threshold lies between the two dips, and its cause."""
+    voltage = np.where((TIME > 1) & (TIME < 1.3), SHALLOW, np.where((TIME > 2.5) & (TIME < 2.8), DEEP, 1.0))
+    hypothesis, effect = fitted_with("cessation", [1.0, threshold, 0.05, 0.2, 0.2, 0.4], voltage)
     values = {effect.local(name): found for name, found in hypothesis.parameters_of(effect, 1.645).items()}
     return hypothesis, Cause("cessation", "", "effect", 0.9, "release", values, 1.0, True)
 
@@ -54,6 +59,17 @@ def test_what_the_recording_tells_of_has_the_same_interval_in_both_ways():
         profiled_low, profiled_high, _ = profile(hypothesis, name, 1.645)
         assert profiled_low < value < profiled_high
         assert profiled_high - profiled_low == pytest.approx(high - low, rel=0.3)
+
+
+def test_what_is_only_determined_together_goes_as_far_as_the_other_one_can_follow():
+    """A step down tells the lower edge of a dead band, its centre less its half width, and nothing of the upper one."""
+    edge = -0.02
+    hypothesis, _ = fitted_with(
+        "volt_var", [20.0, 0.03, 0.03 + edge, 1.0, 0.2, 0.05, 2.0], np.where(TIME > 1, 0.95, 1.0)
+    )
+    low, high, _ = profile(hypothesis, "volt_var.db", 1.645)
+    assert low == pytest.approx(-edge / 2, abs=2e-3)  # narrower, and the plant begins on the upper slope
+    assert high == pytest.approx(0.08, abs=2e-3)  # the end of its range
 
 
 def test_an_improbable_cause_is_left_as_it_is():
