@@ -65,7 +65,7 @@ class Detailed:
     knots : ndarray of shape (KNOTS,)
         Of the signal in the first recording, in the unit of the port.
     pulses : ndarray of shape (p,)
-        Heights of the pulses there, at the most probable detail.
+        Heights of the pulses there, at the most probable detail if what is left counts as noise of its size.
     n_simulations : int
     """
 
@@ -227,14 +227,18 @@ class _Comparison:
         local = self.hypothesis.effects[0].local
         theta = self._problem.embed(self._problem.values(self._u))[0]
         scale = float(parameters[local(PULSE[0])].scale or 1.0)
+        freedom = free + sum(k.freedom(self._tau) for k in self._covariances)
+        # what is left even so is no noise: detail that shows no more than that would be told as if it were known
+        shown = self._tau / np.sqrt(inflation_of(self.hypothesis.observations, solved, freedom))
+        pulses = self._covariances[0].heights(shown, self._solve(shown, self._residuals)[self._rows[0]])
         return Detailed(
             self.hypothesis,
             -0.5 * (self._cost(self._u, self._residuals) + determinants),
             self._tau,
             solved,
-            free + sum(k.freedom(self._tau) for k in self._covariances),
+            freedom,
             theta[[parameters.index(local(f"a{i}")) for i in range(KNOTS)]],
-            scale * self._covariances[0].heights(self._tau, solved[self._rows[0]]),
+            scale * pulses,
             self._count + self._problem.n_simulations,
         )
 

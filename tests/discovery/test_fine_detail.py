@@ -180,6 +180,19 @@ def test_the_waveform_comes_nearer_to_what_is_hidden():
     assert distance(waveform(found.knots, event.time, event.start, found.pulses)) < 0.7 * distance(coarse)
 
 
+def test_detail_of_a_signal_that_leaves_much_is_shown_as_far_as_it_is_more_than_that(monkeypatch):
+    shown = {port: detailed(fitted(port)) for port in ("Iq_cmd", "Ip_cmd")}
+    monkeypatch.setattr(fine_detail, "inflation_of", lambda *args: 1.0)
+    ratios = {}
+    for port, found in shown.items():
+        bare = detailed(fitted(port))
+        ratios[port] = np.linalg.norm(found.pulses) / np.linalg.norm(bare.pulses)
+        assert found.evidence == bare.evidence
+        assert (found.residuals == bare.residuals).all()
+    assert ratios["Iq_cmd"] > 0.8  # the right place: what is left is noise
+    assert ratios["Ip_cmd"] < 0.3
+
+
 @cache
 def gust():
     """The wind plant's power steps; a torque at the machine's shaft has an inertia to smooth its signal's edges."""
