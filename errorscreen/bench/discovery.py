@@ -141,6 +141,28 @@ def discovery_study(
             bar.update()
     rows = [records[i] for i in range(scenarios)]
     result = {
+        **result_of(rows, case=case, seed=seed, noise_db=noise_db, least_size=least_size),
+        "seconds": perf_counter() - started,
+        "machine": machine(),
+    }
+    write_discovery(result, Path(out))
+    return result
+
+
+def result_of(
+    rows: Sequence[_Record], *, case: str, seed: int, noise_db: float, least_size: float
+) -> dict[str, Any]:
+    """Result of the study that some scenarios are, see `discovery_study`, but for how long it took.
+
+    Parameters
+    ----------
+    rows : sequence of dict
+        Of `run_scenario`.
+    case, seed, noise_db, least_size
+        See `discovery_study`.
+    """
+    _, mix = CASES[case]
+    return {
         "schema_version": SCHEMA_VERSION,
         "kind": "bench-discovery",
         "case": case,
@@ -148,13 +170,9 @@ def discovery_study(
         "noise_db": noise_db,
         "least_size": least_size,
         "mix": dict(mix),
-        "scenarios": rows,
+        "scenarios": list(rows),
         **summarise(rows),
-        "seconds": perf_counter() - started,
-        "machine": machine(),
     }
-    write_discovery(result, Path(out))
-    return result
 
 
 def run_scenario(

@@ -1,0 +1,79 @@
+"""A study of hidden scenarios in several sittings: each finished one stays as a line of text beside the docs.
+
+``python benchmarks/long_study.py [CASE [SCENARIOS [SEED [JOBS]]]]`` searches the scenarios that
+``docs/studies/CASE-SEED.jsonl`` lacks, in their order, and writes the table and the figures of those that are there
+without a gap. A line tells by which commit it was searched: where the search has changed so that its outcome may be
+another one, delete the lines first.
+"""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+from joblib import Parallel, delayed
+from tqdm import tqdm
+
+from errorscreen.bench.discovery import result_of, run_scenario
+from errorscreen.bench.discovery_output import power_figure, reliability_figure, tables
+from errorscreen.bench.scenarios import LEAST_SIZE
+from errorscreen.persistence import write_text_atomic
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+#: scenarios and seed of the tables in the docs
+STUDIES = {"plant": (200, 874), "ieee39": (200, 874)}
+JOBS, NOISE_DB, DIGITS = 2, 40.0, 6
+
+
+def read(path):
+    """Finished scenarios by number."""
+    lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
+    return {row["number"]: row for row in map(json.loads, lines)}
+
+
+def write(path, rows):
+    """One line for each, in their order."""
+    write_text_atomic(path, "".join(json.dumps(rows[i], ensure_ascii=False) + "\n" for i in sorted(rows)))
+
+
+def rounded(value):
+    """The same with numbers that can be read."""
+    if isinstance(value, dict):
+        return {key: rounded(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [rounded(item) for item in value]
+    return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
+
+
+def gapless(rows):
+    """The first ones without a gap: those that happen to end early are no fair sample."""
+    found = []
+    while len(found) in rows:
+        found.append(rows[len(found)])
+    return found
+
+
+def main(case="ieee39", scenarios=None, seed=None, jobs=JOBS):
+    """Search what is missing, and write table and figures."""
+    usual = STUDIES[case]
+    scenarios = usual[0] if scenarios is None else scenarios
+    seed = usual[1] if seed is None else seed
+    path = DOCS / "studies" / f"{case}-{seed}.jsonl"
+    rows = read(path)
+    describe = ["git", "describe", "--always", "--dirty"]
+    commit = subprocess.run(describe, cwd=DOCS, check=True, capture_output=True, text=True).stdout.strip()
+    found = Parallel(n_jobs=jobs, return_as="generator_unordered")(
+        delayed(run_scenario)(case, seed, i, NOISE_DB, LEAST_SIZE) for i in range(scenarios) if i not in rows
+    )
+    for row in tqdm(found, total=scenarios, initial=len(rows), desc="scenarios"):
+        rows[row["number"]] = {"commit": commit, **rounded(row)}
+        write(path, rows)
+    result = result_of(gapless(rows), case=case, seed=seed, noise_db=NOISE_DB, least_size=LEAST_SIZE)
+    name = "discovery" if case == "plant" else f"discovery_{case}"
+    write_text_atomic(DOCS / "tables" / f"{name}.md", tables(result))
+    for kind, figure in (("power", power_figure(result)), ("reliability", reliability_figure(result))):
+        figure.savefig(DOCS / "images" / f"{name.replace('_', '-')}-{kind}.png", dpi=150)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:2], *(int(n) for n in sys.argv[2:]))
