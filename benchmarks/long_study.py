@@ -11,10 +11,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-from joblib import Parallel, delayed
 from tqdm import tqdm
 
-from errorscreen.bench.discovery import result_of, run_scenario
+from errorscreen.bench.discovery import result_of, search_all
 from errorscreen.bench.discovery_output import power_figure, reliability_figure, tables
 from errorscreen.bench.scenarios import LEAST_SIZE
 from errorscreen.persistence import write_text_atomic
@@ -62,9 +61,8 @@ def main(case="ieee39", scenarios=None, seed=None, jobs=JOBS):
     rows = read(path)
     describe = ["git", "describe", "--always", "--dirty"]
     commit = subprocess.run(describe, cwd=DOCS, check=True, capture_output=True, text=True).stdout.strip()
-    found = Parallel(n_jobs=jobs, return_as="generator_unordered")(
-        delayed(run_scenario)(case, seed, i, NOISE_DB, LEAST_SIZE) for i in range(scenarios) if i not in rows
-    )
+    missing = [i for i in range(scenarios) if i not in rows]
+    found = search_all(case, seed, missing, NOISE_DB, LEAST_SIZE, jobs)
     for row in tqdm(found, total=scenarios, initial=len(rows), desc="scenarios"):
         rows[row["number"]] = {"commit": commit, **rounded(row)}
         write(path, rows)

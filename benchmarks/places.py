@@ -10,11 +10,10 @@ import sys
 from collections import defaultdict
 from pathlib import Path
 
-from joblib import Parallel, delayed
 from scipy.stats import binomtest
 from tqdm import tqdm
 
-from errorscreen.bench.discovery import run_scenario
+from errorscreen.bench.discovery import search_all
 from errorscreen.bench.scenarios import LEAST_SIZE
 from errorscreen.persistence import write_text_atomic
 
@@ -65,10 +64,7 @@ def main(out, case="ieee39", scenarios=None, seed=None, jobs=JOBS):
     folder = Path(out) / f"{case}-{seed}"
     folder.mkdir(parents=True, exist_ok=True)
     missing = [i for i in range(scenarios) if not (folder / f"{i}.json").exists()]
-    found = Parallel(n_jobs=jobs, return_as="generator_unordered")(
-        delayed(run_scenario)(case, seed, i, NOISE_DB, LEAST_SIZE, kind="outside", max_effects=0)
-        for i in missing
-    )
+    found = search_all(case, seed, missing, NOISE_DB, LEAST_SIZE, jobs, kind="outside", max_effects=0)
     for row in tqdm(found, total=len(missing), desc="scenarios"):
         write_text_atomic(folder / f"{row['number']}.json", json.dumps(row))
     rows = [json.loads((folder / f"{i}.json").read_text(encoding="utf-8")) for i in range(scenarios)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
-from scipy.stats import binomtest
 from tqdm import tqdm
 
 from errorscreen.bench.discovery_output import write_discovery
+from errorscreen.bench.discovery_rates import summarise
 from errorscreen.bench.grid_scenarios import draw_grid_scenario
 from errorscreen.bench.plant_scenarios import draw_plant_scenario
 from errorscreen.bench.scenarios import LEAST_SIZE, MIX, Scenario
@@ -43,8 +43,6 @@ CASES: dict[str, tuple[Callable[..., Scenario], tuple[tuple[str, float], ...]]] 
     "ieee39": (draw_grid_scenario, MIX),
     "traps": (draw_trap_scenario, TRAP_MIX),
 }
-#: bins of the reliability, and probability of the intervals of rates
-_BINS, _LEVEL = 10, 0.95
 #: a group that holds the right name counts if it has at most so many members
 _LARGEST_GROUP = 2
 #: iterations of the fit with the true structure, from the true values
@@ -129,10 +127,7 @@ def discovery_study(
     records = {i: _unpack(found) for i, found in store.load(range(scenarios)).items()}
     report(f"{scenarios} scenarios" + (f", {len(records)} of them finished before" if records else ""))
     missing = [i for i in range(scenarios) if i not in records]
-    # in whatever order they finish: a long one must not keep others from being stored
-    finished = Parallel(n_jobs=n_jobs, return_as="generator_unordered")(
-        delayed(run_scenario)(case, seed, i, noise_db, least_size) for i in missing
-    )
+    finished = search_all(case, seed, missing, noise_db, least_size, n_jobs)
     with tqdm(total=scenarios, initial=len(records), desc="scenarios", disable=not progress) as bar:
         for record in finished:
             i = record["number"]
@@ -173,6 +168,25 @@ def result_of(
         "scenarios": list(rows),
         **summarise(rows),
     }
+
+
+def search_all(
+    case: str,
+    seed: int,
+    numbers: Iterable[int],
+    noise_db: float,
+    least_size: float,
+    n_jobs: int | None = None,
+    **options: Any,
+) -> Iterator[_Record]:
+    """Search some scenarios side by side, see `run_scenario`.
+
+    They come in whatever order they finish: a long one must not keep others from being stored.
+    """
+    found: Iterator[_Record] = Parallel(n_jobs=n_jobs, return_as="generator_unordered")(
+        delayed(run_scenario)(case, seed, i, noise_db, least_size, **options) for i in numbers
+    )
+    return found
 
 
 def run_scenario(
@@ -304,103 +318,6 @@ def _held_out(hidden: Scenario, finder: CauseFinder) -> dict[str, float | None]:
     return {
         name: value if value is not None and np.isfinite(value) else None for name, value in found.items()
     }
-
-
-def summarise(rows: Sequence[_Record]) -> dict[str, Any]:
-    """Rates with exact binomial intervals, ratios of held-out errors, and how well probabilities are calibrated."""
-    single = [r for r in rows if r["truth"]["kind"] in ("effect", "other form", "measurement")]
-    outside = [r for r in rows if r["truth"]["kind"] == "outside"]
-    both = [r for r in rows if r["truth"]["kind"] == "two effects"]
-    nothing = [r for r in rows if r["truth"]["kind"] == "nothing"]
-
-    def rate(chosen: Sequence[_Record], holds: Callable[[_Record], bool]) -> dict[str, Any]:
-        hits = np.array([holds(r) for r in chosen], dtype=float)
-        if not len(hits):
-            return {"value": None, "interval": None, "n": 0}
-        # exact: a bootstrap of rates of 0 or 1 has no width
-        interval = binomtest(int(hits.sum()), len(hits)).proportion_ci(_LEVEL)
-        return {"value": float(hits.mean()), "interval": [interval.low, interval.high], "n": len(hits)}
-
-    rates = {
-        "correct": rate(single, lambda r: r["outcome"] == "correct"),
-        "wrong": rate(single, lambda r: r["outcome"] == "wrong"),
-        "unknown": rate(single, lambda r: r["outcome"] == "unknown"),
-        "missed": rate(single, lambda r: r["outcome"] == "missed"),
-        "false_alarm": rate(nothing, lambda r: r["outcome"] == "false alarm"),
-        "outside_unknown": rate(outside, lambda r: r["verdict"] == "unknown"),
-        "outside_place": rate(outside, lambda r: _device(r) == r["truth"]["device"]),
-        "outside_port": rate(outside, lambda r: _port(r) == (r["truth"]["device"], r["truth"]["place"])),
-        "both_found": rate(both, lambda r: r["outcome"] == "correct"),
-        "both_wrong": rate(both, lambda r: not set(r["named"]) <= set(r["truth"]["right"])),
-    }
-    by_kind = {
-        kind: {
-            outcome: sum(r["outcome"] == outcome for r in rows if r["truth"]["kind"] == kind)
-            for outcome in ("correct", "wrong", "unknown", "missed", "false alarm")
-        }
-        for kind, _ in MIX
-    }
-    by_device = {
-        device: {
-            outcome: sum(
-                r["outcome"] == outcome
-                for r in rows
-                if r["truth"]["device"] == device and r["truth"]["kind"] != "nothing"
-            )
-            for outcome in ("correct", "wrong", "unknown", "missed")
-        }
-        for device in sorted({r["truth"]["device"] for r in rows} - {""})
-    }
-    right = [r for r in rows if r["truth"]["right"] and r["outcome"] == "correct"]
-    return {
-        "rates": rates,
-        "by_kind": by_kind,
-        "by_device": by_device,
-        "held_out_ratio_median": _ratio(right, "extended", "recalibrated"),
-        "true_structure_ratio_median": _ratio(right, "extended", "true_structure"),
-        "true_structure_ratio_p90": _ratio(right, "extended", "true_structure", 0.9),
-        **_calibration(rows),
-        "seconds_median": float(np.median([r["seconds"] for r in rows])),
-        "seconds_max": float(max(r["seconds"] for r in rows)),
-        "simulations_median": float(np.median([r["simulations"] for r in rows])),
-    }
-
-
-def _device(record: _Record) -> str | None:
-    return record["place"]["device"] if record["place"] else None
-
-
-def _port(record: _Record) -> tuple[str, str] | None:
-    return (record["place"]["device"], record["place"]["port"]) if record["place"] else None
-
-
-def _ratio(rows: Sequence[_Record], above: str, below: str, quantile: float = 0.5) -> float | None:
-    ratios = [
-        r["held_out"][above] / r["held_out"][below]
-        for r in rows
-        if r["held_out"][above] is not None and r["held_out"][below]
-    ]
-    return float(np.quantile(ratios, quantile)) if ratios else None
-
-
-def _calibration(rows: Sequence[_Record]) -> dict[str, Any]:
-    """Reliability of the probability of the first cause, and its expected calibration error."""
-    p = np.array([r["probability"] for r in rows])
-    right = np.array([r["top_is_right"] for r in rows], dtype=float)
-    bins = np.minimum((p * _BINS).astype(int), _BINS - 1)
-    reliability, error = [], 0.0
-    for b in range(_BINS):
-        inside = bins == b
-        if inside.any():
-            reliability.append(
-                {
-                    "probability": float(p[inside].mean()),
-                    "share": float(right[inside].mean()),
-                    "n": int(inside.sum()),
-                }
-            )
-            error += inside.mean() * abs(p[inside].mean() - right[inside].mean())
-    return {"reliability": reliability, "expected_calibration_error": float(error)}
 
 
 def _unpack(arrays: Mapping[str, NDArray[Any]]) -> _Record:
