@@ -40,8 +40,8 @@ MEASURED = {
     "paper_without_noise": "errorscreen bench paper --draws 50 --seed 2026",  # its part above table 2
     "ten_parameters": "python benchmarks/ten_parameters.py",
     "grid_search": "python benchmarks/grid_search.py",
-    "discovery": "errorscreen bench discovery --case plant --scenarios 200 --seed 353",
-    "discovery_ieee39": "errorscreen bench discovery --case ieee39 --scenarios 200 --seed 408",
+    "discovery": "errorscreen bench discovery --case plant --scenarios 200 --seed 874",
+    "discovery_ieee39": "errorscreen bench discovery --case ieee39 --scenarios 200 --seed 874",
     "discovery_curves": "python benchmarks/discovery_curves.py OUT plant 40",
     "discovery_curves_ieee39": "python benchmarks/discovery_curves.py OUT ieee39 24",
     "places_plant": "python benchmarks/places.py OUT plant",
