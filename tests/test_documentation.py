@@ -18,6 +18,7 @@ from numpydoc.validate import validate
 from pydantic import BaseModel
 
 import errorscreen
+from errorscreen.effects import LIBRARY
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -122,6 +123,23 @@ def test_files_of_the_method_table_hold_the_names():
     assert len(rows) >= 16
     for name, path in rows:
         assert Path(inspect.getsourcefile(find(name))) == ROOT / path
+
+
+def test_every_effect_of_a_device_has_a_section_with_its_port_and_title(monkeypatch):
+    monkeypatch.syspath_prepend(str(DOCS))
+    pages = importlib.import_module("_tools.pages")
+    sections = list(pages.effect_sections())
+    assert len({heading.lower() for heading, *_ in sections}) == len(sections)
+    assert len({file for _, file, *_ in sections}) == len(sections)
+    texts = [pages.effect_text(*section) for section in sections]
+    for device, library in LIBRARY.items():
+        for effect in library:
+            if effect.kind == "latent":
+                continue
+            start = f"### `{effect.name}`"
+            (text,) = (text for text in texts if text.startswith(start) and f"`{device}`" in text)
+            assert text.partition("\n")[0].endswith(f": {effect.title}")
+            assert f"Acts on `{effect.port}` of " in text
 
 
 @pytest.mark.parametrize("page", GUIDE, ids=lambda page: page.stem)

@@ -4,6 +4,7 @@ import contextlib
 import io
 import json
 import re
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -230,38 +231,60 @@ LOAD_BUS = 4
 _OF = {"measurement": "every simulator, for each of its channels", "event": "grids, for a fault"}
 
 
+def effect_sections():
+    """Heading, file of the figure, effect and its devices for each effect of the library, and those of any simulator.
+
+    Effects of one name that differ from device to device have a section each, told apart by the devices.
+    """
+    devices = {}
+    for device, library in LIBRARY.items():
+        for effect in library:
+            if effect.kind != "latent":
+                devices.setdefault(effect, []).append(device)
+    outside = *measurement_effects(["P"]), common_skew(), FAULT_DURATION, FAULT_IMPEDANCE, branch_trip((3, 4))
+    devices |= {effect: [] for effect in outside}
+    sections_of = Counter(effect.name for effect in devices)
+    for effect, names in devices.items():
+        alone = sections_of[effect.name] == 1
+        heading = f"`{effect.name}`" if alone else f"`{effect.name}` of {code_list(names)}"
+        file = "-".join(("effect", effect.name, *(() if alone else names))) + ".png"
+        yield f"{heading}: {effect.title}", file, effect, names
+
+
+def effect_text(heading, file, effect, devices):
+    """Section of the page of effects."""
+    parameters = [parameter_cells(effect.local(p.name), p) for p in effect.parameters]
+    return "\n".join(
+        [
+            f"### {heading}\n",
+            f"{effect.description} `{effect.formula}` Acts on `{effect.port}` of "
+            f"{code_list(devices) or _OF[effect.kind]}. Easily confused with "
+            f"{'; '.join(effect.confused_with)}. Source: {effect.source}.\n",
+            table(PARAMETER_HEADER, parameters),
+            f"![What {' of '.join((effect.name, *devices[:1]))} changes](../_generated/{file})\n",
+        ]
+    )
+
+
+def code_list(names):
+    """Names as code, with commas."""
+    return ", ".join(f"`{name}`" for name in names)
+
+
 def effect_table(folder):
     """Effects of the library with the devices they fit, and a figure of what each changes."""
-    inside = [effect for library in LIBRARY.values() for effect in library if effect.kind != "latent"]
-    outside = (
-        *measurement_effects(["P"]),
-        common_skew(),
-        FAULT_DURATION,
-        FAULT_IMPEDANCE,
-        branch_trip((3, 4)),
-    )
-    effects = {effect.name: effect for effect in (*inside, *outside)}
     grid = load_ieee39(loads=[LoadUnderTest(LOAD_BUS)])
     time = np.arange(0, STOP, 1 / RATE)
     events = [Playback(time, side.name, START, side.signals(time), OPERATING_POINT) for side in _SIDES]
     text = []
-    for effect in effects.values():
-        devices = [name for name, library in LIBRARY.items() if effect.name in {e.name for e in library}]
-        parameters = [parameter_cells(effect.local(p.name), p) for p in effect.parameters]
+    for heading, file, effect, devices in effect_sections():
         if effect.kind == "event" or devices == ["load"]:
             figure = plot_signature(grid, f"load_{LOAD_BUS}.{effect.name}" if devices else effect.name)
         else:
             plant = PlantSimulator(next(iter(devices), "synchronous_machine"), events[0])
             figure = plot_signature(plant, effect.name, events)
-        figure.savefig(folder / f"effect-{effect.name}.png", dpi=80)
-        text += [
-            f"### `{effect.name}`: {effect.title}\n",
-            f"{effect.description} `{effect.formula}` Acts on `{effect.port}` of "
-            f"{', '.join(f'`{d}`' for d in devices) or _OF[effect.kind]}. Easily confused with "
-            f"{'; '.join(effect.confused_with)}. Source: {effect.source}.\n",
-            table(PARAMETER_HEADER, parameters),
-            f"![What {effect.name} changes](../_generated/effect-{effect.name}.png)\n",
-        ]
+        figure.savefig(folder / file, dpi=80)
+        text.append(effect_text(heading, file, effect, devices))
     return "\n".join(text)
 
 
