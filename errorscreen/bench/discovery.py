@@ -210,6 +210,7 @@ def run_scenario(
         finder.fit(list(hidden.recordings))
         seconds = perf_counter() - started
     first = finder.causes_[0]
+    base = next(h for h in finder.hypotheses_ if not h.effects)
     named = finder.verdict_.kind in ("effect", "measurement")
     names = [e.name for e in finder.best_.effects] if named else []
     groups = [list(group.names) for group in finder.groups_] if named else []
@@ -236,13 +237,11 @@ def run_scenario(
         "outcome": outcome,
         "top_is_right": _top_is_right(hidden, first.name),
         "chi2_per_sample": {
-            "parameters": next(h for h in finder.hypotheses_ if not h.effects).chi2_per_sample,
+            "parameters": base.chi2_per_sample,
             "chosen": finder.best_.chi2_per_sample,
         },
-        "converged": {
-            "parameters": next(h for h in finder.hypotheses_ if not h.effects).converged,
-            "chosen": finder.best_.converged,
-        },
+        "converged": {"parameters": base.converged, "chosen": finder.best_.converged},
+        "state": {"parameters": base.state, "chosen": finder.best_.state},
         "left": _left(finder),
         "closest": {
             "name": finder.hypotheses_[0].name,

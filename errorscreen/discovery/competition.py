@@ -81,6 +81,7 @@ class Competition(Refinement):
         self._insist()
         self._eliminate()
         self._finish()
+        self.rest()
         self._settle()
 
     def _select(self, candidates: Sequence[Effect]) -> None:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from errorscreen.discovery.gain import Gain
-from errorscreen.discovery.hypotheses import Hypothesis
+from errorscreen.discovery.hypotheses import CORNER, Hypothesis
 from errorscreen.discovery.latent import Place
 from errorscreen.discovery.ranking import Cause
 from errorscreen.discovery.remainder import Remainder
@@ -98,7 +98,7 @@ def named_text(cause: Cause, chosen: Hypothesis, base: Hypothesis, alike: Sequen
     text += f" χ²/N is {base.chi2_per_sample:.3g} with parameters alone, "
     text += f"{chosen.chi2_per_sample:.3g} with what was chosen."
     text += f" These recordings cannot tell it from: {', '.join(alike)}." if alike else ""
-    return text + _unfinished(base)
+    return text + _cornered(base)
 
 
 def unknown_text(
@@ -119,6 +119,12 @@ def unknown_text(
         With parameters alone, and what is most evident of all that was fitted.
     """
     leaves = f"χ²/N {base.chi2_per_sample:.3g}"
+    if not base.at_rest:
+        return (
+            f"The search without effects has not come to an end: so far parameters alone leave {leaves}, and other "
+            "values of them may leave less. So it cannot be told whether anything is missing. Allow more starts, or "
+            "narrow the bounds."
+        )
     if not tried:
         text = f"Parameters alone leave more than noise, {leaves}; no effect was tried."
     else:
@@ -128,7 +134,7 @@ def unknown_text(
         if closest.effects:
             text += f", the closest, {closest.name}, {closest.chi2_per_sample:.3g}"
         text += "."
-    return text + _unfinished(base)
+    return text + _cornered(base)
 
 
 def conspicuous_text(remainder: Remainder, significance: float) -> str:
@@ -142,13 +148,13 @@ def conspicuous_text(remainder: Remainder, significance: float) -> str:
     )
 
 
-def _unfinished(base: Hypothesis) -> str:
-    """Caution where parameters alone were not led to a minimum."""
-    if base.converged:
+def _cornered(base: Hypothesis) -> str:
+    """Remark where parameters alone have come to rest at no smooth minimum."""
+    if base.state != CORNER:
         return ""
     return (
-        " The search without effects did not end at a smooth minimum, so that other values of the parameters may do "
-        "better: allow more starts, or narrow the bounds."
+        " The search without effects ended where limiters begin to act, not at a smooth minimum; no start around it "
+        "led lower."
     )
 
 

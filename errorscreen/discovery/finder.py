@@ -202,6 +202,8 @@ class CauseFinder(BaseEstimator):
         if self.max_effects and not self._nothing_to_explain:
             self.tried_ = tuple(effect.name for effect in library)
             found.run(library)
+        elif not self._nothing_to_explain:
+            found.rest()
         self._base = base = found.base
         if base is not first:  # a better minimum, or a smaller step
             self._calibrator = self._calibrate(base.observations, base)

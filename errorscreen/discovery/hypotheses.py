@@ -36,6 +36,8 @@ _TOL, _STEP = 1e-2, 1e-4
 #: iterations at a time, and how many times a fit goes on for so many
 SLICE, SLICES = 5, 6
 _ENDED = ("converged", "kink")
+#: state of a fit from which no start around it leads lower, although the linear model promises that
+CORNER = "corner"
 #: a joint fit goes on while its distance from the best is less than so many times what it gained last
 _HOPE = 20.0
 #: noise never counts for less than this part of what was counted: a level from an energy may come out too low
@@ -77,7 +79,7 @@ class Hypothesis:
     passed : ndarray of shape (S,)
         Energy of noise that passes beyond what was counted, for each channel of each recording.
     state : str
-        How the best start ended, see `Track`.
+        How the best start ended, see `Track`; ``"corner"`` where starts around it have led no lower either.
     """
 
     effects: tuple[Effect, ...]
@@ -110,6 +112,11 @@ class Hypothesis:
     def ended(self) -> bool:
         """Whether no step led lower by enough, be it at a minimum or where a kink or a jump is in the way."""
         return self.state != "active"
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether it is at a minimum: a smooth one, or a corner that nothing around it leads out of."""
+        return self.converged or self.state == CORNER
 
     @property
     def chi2_per_sample(self) -> float:

@@ -93,7 +93,8 @@ def rank_causes(found: Competition) -> list[Cause]:
     "Unknown" comes first only if it is more probable than the first cause and all others that predict the same.
 
     Hypotheses that leave only noise are compared by their evidence. Where there is none, what explains nearly all of
-    what parameters leave counts as being of the right kind, in another form than the library's.
+    what parameters leave counts as being of the right kind, in another form than the library's. Nothing counts beside
+    parameters that leave more than noise and were not led to a minimum: other values of them may do as well.
 
     Parameters
     ----------
@@ -102,7 +103,7 @@ def rank_causes(found: Competition) -> list[Cause]:
     causes = _exact(found)
     if not causes:
         causes = _of_a_kind(found)
-    elif found.base.ended and _form_alone(found, causes):
+    elif found.base.at_rest and _form_alone(found, causes):
         causes = _with_two(found, _of_a_kind(found), causes)
     causes.sort(key=lambda c: -c.probability)
     unknown = 1.0 - sum(c.probability for c in causes)
@@ -121,8 +122,12 @@ def _exact(found: Competition) -> list[Cause]:
     adequate, base, scores = found.adequate, found.base, found.scores
     if not adequate:
         return []
+    led = base in adequate or base.at_rest
     if base not in adequate and scores[adequate[0].name] - scores[base.name] < _MARGIN:
         adequate.append(base)  # a conspicuous cell, but nothing that an effect explains better
+    adequate = [h for h in adequate if led or not h.effects]
+    if not adequate:
+        return []
     tried = max(1, len(found.signatures))
     suffice = base in adequate
     if suffice:  # an effect is not needed, unless what it leaves looks clearly more like noise
@@ -173,11 +178,11 @@ def _with_two(found: Competition, alone: list[Cause], exact: list[Cause]) -> lis
 def _of_a_kind(found: Competition) -> list[Cause]:
     """Effects that explain nearly everything, though not in the form that the library gives them.
 
-    Single ones if one of them does; else pairs, of which more is asked. Nothing beside parameters that were not
-    led to their end: other values of them may do as well. (An effect that was not explains even more than is seen.)
+    Single ones if one of them does; else pairs, of which more is asked. (An effect that was not led to its end explains
+    even more than is seen.)
     """
     for size, most in ((1, _FORM), (2, _FORM_OF_TWO)):
-        members = found.with_effects(size) if found.base.ended else []
+        members = found.with_effects(size) if found.base.at_rest else []
         left = np.array([1.0 - _explained(found, h) for h in members])
         if len(left) and left.min() < most:
             break

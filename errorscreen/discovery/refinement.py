@@ -14,7 +14,7 @@ from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery.growth import begun
 from errorscreen.discovery.hypotheses import Hypothesis, fit_hypothesis
 from errorscreen.discovery.journal import Journal
-from errorscreen.discovery.restarts import escapes, followed, off_the_edge, searched
+from errorscreen.discovery.restarts import escapes, followed, off_the_edge, rested, searched
 from errorscreen.discovery.signatures import projected
 from errorscreen.discovery.standings import Standings
 from errorscreen.effects.base import Effect
@@ -39,6 +39,9 @@ _FEW = 8
 #: a fit whose χ²/N is at most this is tried with a step so many times smaller, and fitted with it if the linear model
 #: promises to leave at most this share of what is beyond noise
 _NEAR, _FINER, _LEFT = 50.0, 4, 0.5
+#: times that a fit without effects is led on where it stalls, and the least share of what it leaves beyond noise that
+#: counts as lower
+_RESTS, _LOWER = 6, 1e-3
 #: starts all over the ranges, for a model without effects or with one, and for each effect of one that has more
 _STARTS = 16
 
@@ -129,6 +132,26 @@ class Refinement(Standings):
                 problem = FitProblem(hypothesis.simulator, list(hypothesis.observations), hypothesis.names)
                 self._better(hypothesis, problem, partial(np.atleast_2d, hypothesis.u), worth=0.0)
                 self.n_simulations += problem.n_simulations
+
+    def rest(self) -> None:
+        """Lead the fit without effects to where nothing leads lower, unless it leaves only noise.
+
+        A search that stalls has come to no minimum as far as it knows, and that it leaves too much is what a missing
+        effect is told from.
+        """
+        for number in range(_RESTS):
+            base = self.base
+            if base.at_rest or self.is_adequate(base):
+                return
+            self.tell("starts around parameters alone")
+            problem = FitProblem(base.simulator, list(base.observations), base.names)
+            least = max(WORTH, _LOWER * self.remainders[base.name].excess)
+            seed = np.random.SeedSequence(self.seed, spawn_key=(number,))
+            led = self._journal.fitted((), problem, partial(rested, base, problem, least, seed))
+            self.n_simulations += problem.n_simulations
+            if led is None:
+                return
+            self.keep(led, self.test(led), base)
 
     def _settle(self) -> None:
         """Lead what will be named out of local minima, if an effect has many: its values count, not only its name."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import differential_evolution
 
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.discovery.hypotheses import Hypothesis, JointFit
+from errorscreen.discovery.hypotheses import CORNER, SLICE, Hypothesis, JointFit
 from errorscreen.discovery.signatures import SPREADS, objectives, projected, spread_over
 from errorscreen.effects.base import Effect
 from errorscreen.sampling import generator
@@ -23,6 +24,8 @@ _BESIDE = np.geomspace(1e-4, 0.1, 8)
 _CLOUD = 48
 #: starts that are kept after so many iterations each, and those that are followed to the end
 _HALVING, _FOLLOWED = ((16, 3), (8, 6)), 3
+#: starts around a fit whose linear model promises more than steps keep, in standard deviations
+_AROUND = np.repeat((3.0, 1.0, 0.3, 0.1), 6)
 #: individuals for each parameter, and generations, of a global search
 _CROWD, _GENERATIONS = 16, 80
 #: shares of its range by which a parameter is moved off an edge
@@ -124,6 +127,40 @@ def halved(effects: Sequence[Effect], problem: FitProblem, starts: ArrayLike) ->
     for kept, iterations in _HALVING:
         fit.keep(kept).run(iterations)
     return fit.keep(_FOLLOWED)
+
+
+def rested(hypothesis: Hypothesis, problem: FitProblem, least: float, random_state: Any = 0) -> Hypothesis:
+    """Fit of a hypothesis from where it is and from starts that scatter around it, (D6).
+
+    Where limiters begin to act, the slopes on both sides differ, and the linear model of one side promises what no step
+    keeps: a search stalls there, be it at a minimum or not. Starts around it see other sides.
+
+    Parameters
+    ----------
+    hypothesis : Hypothesis
+        Fitted.
+    problem : FitProblem
+        It was fitted to.
+    least : float
+        The smallest decrease of the objective that counts.
+    random_state : None, int, SeedSequence, Generator or RandomState
+
+    Returns
+    -------
+    Hypothesis
+        ``"corner"`` is its state if the search stalled again, and no start led lower by what counts.
+
+    Raises
+    ------
+    SimulationError
+        If it cannot be simulated.
+    """
+    fit = JointFit(hypothesis.effects, problem, hypothesis.u)
+    before = fit.objective
+    around = fit.run(SLICE).scattered(_AROUND, random_state)[0]
+    fit = halved(hypothesis.effects, problem, np.vstack([fit.reached, around])).pursue(before)
+    found = fit.hypothesis()
+    return replace(found, state=CORNER) if not found.at_rest and before - fit.objective < least else found
 
 
 def searched(problem: FitProblem, random_state: Any = 0) -> _Array:

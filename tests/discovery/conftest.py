@@ -5,11 +5,11 @@ import pytest
 
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery.hypotheses import JointFit
-from errorscreen.events import InputSignal
+from errorscreen.events import Event, InputSignal
 from errorscreen.observations import Observation
 from errorscreen.parameters import Parameter
 from errorscreen.recordings import Recording
-from errorscreen.simulators import ODESimulator
+from errorscreen.simulators import CallableSimulator, ODESimulator
 from tests.plants import dip, plant
 from tests.simulators.models import oscillator, push
 
@@ -81,3 +81,22 @@ def hidden():
     theta = base.parameters.nominal * np.random.default_rng(1).uniform(0.85, 1.15, 8)
     values = np.array([120.0, 0.2, 6.0, 0.1])
     return base, theta, values, observed(base.extend("exciter"), np.concatenate([theta, values]))
+
+
+@pytest.fixture(scope="module")
+def crease():
+    """A function whose error has a crease along a = b, and where a search from nominal values stalls on it."""
+    time = np.arange(0, 10, 0.1)
+    event = Event(time, "crease", start=1.0)
+
+    def valley(theta, event):
+        a, b = theta.T
+        on = np.where(event.time < event.start, 0.0, 1.0)
+        return np.stack([np.outer(3 + 5 * np.abs(a - b), on), np.outer(a, on)], axis=1)
+
+    space = [Parameter(name, 0.0, -2.0, 2.0, scale=1.0) for name in "ab"]
+    model = CallableSimulator(valley, space, event, outputs=["u", "v"], vectorized=True)
+    noise = 0.05 * np.random.default_rng(0).standard_normal((2, 100))
+    signals = {"u": noise[0], "v": 0.5 * (time >= 1.0) + noise[1]}
+    recording = Recording.from_signals(time, signals, noise={"u": 0.05, "v": 0.05}, name="crease")
+    return model, model.observe(recording)

@@ -108,3 +108,13 @@ def test_a_withdrawn_cause_says_why(twins):
     text = conclusions.withdrawn_text(finder.causes_[0], failed)
     assert "with it the model cannot be simulated on recordings that were not: other." in text
     assert "inf" not in text
+
+
+def test_nothing_is_said_to_be_missing_before_parameters_have_come_to_rest(twins):
+    finder, _ = twins
+    base = next(h for h in finder.hypotheses_ if not h.effects)
+    text = conclusions.unknown_text(("governor",), True, replace(base, state="stalled"), finder.best_)
+    assert "has not come to an end" in text
+    assert "any effect" not in text
+    cornered = conclusions.unknown_text(("governor",), True, replace(base, state="corner"), finder.best_)
+    assert "no start around it led lower" in cornered

@@ -10,7 +10,7 @@ from errorscreen.bench.discovery import run_scenario
 from errorscreen.bench.plant_scenarios import draw_plant_scenario
 from errorscreen.bench.trap_scenarios import draw_trap_scenario
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.discovery import CauseFinder
+from errorscreen.discovery import CauseFinder, refinement
 from errorscreen.discovery.hypotheses import fit_hypothesis
 from errorscreen.discovery.refinement import WORTH
 from errorscreen.exceptions import InputError
@@ -180,3 +180,19 @@ def test_without_effects_only_parameters_are_judged():
     assert finder.confirm(list(hidden.held_out)) is None
     assert finder.verdict_.kind == "parameters"
     assert "2 recordings that were not fitted" in finder.verdict_.text
+
+
+def test_parameters_on_a_crease_are_led_to_rest_before_anything_is_said_to_be_missing(crease):
+    model, observation = crease
+    finder = CauseFinder(model, max_effects=0, library_size=16, n_starts=1, random_state=0).fit(observation)
+    assert finder.verdict_.kind == "unknown"
+    assert finder.best_.at_rest
+    assert np.allclose(finder.best_.u, 0.45, atol=0.03)
+
+
+def test_where_parameters_have_not_come_to_rest_nothing_is_named(crease, monkeypatch):
+    monkeypatch.setattr(refinement, "_RESTS", 0)
+    model, observation = crease
+    finder = CauseFinder(model, ["offset_u"], library_size=16, n_starts=1, random_state=0).fit(observation)
+    assert [(c.name, c.probability) for c in finder.causes_] == [("unknown", 1.0)]
+    assert "has not come to an end" in finder.verdict_.text

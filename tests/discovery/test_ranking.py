@@ -26,7 +26,7 @@ def hypothesis(effects, excess):
         chi2=1000.0 + excess,
         name=" + ".join(e.name for e in effects) or "parameters",
         effects=effects,
-        ended=True,
+        at_rest=True,
         chi2_per_sample=2.0,
         inflation=2.0,
         observations=(SimpleNamespace(event=Event(np.arange(4.0), start=2.0)),),
@@ -81,11 +81,25 @@ def test_parameters_that_suffice_are_beaten_only_by_a_margin():
     assert large[0].kind == "measurement"
 
 
-def test_parameters_that_were_not_led_to_their_end_are_no_reason_to_name_an_effect():
-    found = competition(((), 1000.0, 0.001, -500.0), ((EXCITER,), 5.0, 0.001, -20.0))
+@pytest.mark.parametrize("left", [0.001, 0.4])  # in another form, and only noise
+def test_parameters_that_were_not_led_to_a_minimum_are_no_reason_to_name_an_effect(left):
+    found = competition(((), 1000.0, 0.001, -500.0), ((EXCITER,), 5.0, left, -20.0))
     assert [c.name for c in rank_causes(found)] == ["exciter", "unknown"]
-    found.base.ended = False
-    assert [c.name for c in rank_causes(found)] == ["unknown"]
+    found.base.at_rest = False
+    assert [(c.name, c.probability) for c in rank_causes(found)] == [("unknown", 1.0)]
+
+
+def test_parameters_that_leave_only_noise_need_not_be_at_a_minimum():
+    found = competition(((), 10.0, 0.4, -20.0), ((SCALE_P,), 9.0, 0.4, -19.0))
+    found.base.at_rest = False
+    assert rank_causes(found)[0].name == "parameters"
+
+
+def test_an_effect_that_explains_little_more_than_parameters_on_their_way_is_not_named():
+    led, stalled = (competition(((), 30.0, 0.001, -30.0), ((SCALE_P,), 10.0, 0.4, -20.0)) for _ in range(2))
+    stalled.base.at_rest = False
+    assert {c.name for c in rank_causes(led)} == {"parameters", "scale_P", "unknown"}
+    assert {c.name for c in rank_causes(stalled)} == {"parameters", "unknown"}
 
 
 def test_an_effect_of_another_form_is_named_by_its_kind():

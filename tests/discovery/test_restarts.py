@@ -1,10 +1,13 @@
 """Ways out of local minima."""
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.discovery.hypotheses import JointFit, fit_hypothesis
-from errorscreen.discovery.restarts import escapes, off_the_edge, searched
+from errorscreen.discovery.hypotheses import CORNER, JointFit, fit_hypothesis
+from errorscreen.discovery.restarts import escapes, off_the_edge, rested, searched
 from errorscreen.discovery.signatures import objectives
 
 
@@ -41,3 +44,31 @@ def test_no_way_leads_out_of_the_lowest_minimum(spring):
     best = fit_hypothesis((effect,), problem, np.zeros(3))
     for way in escapes(best, problem):
         assert JointFit((effect,), problem, way).run(30).objective > best.objective - 1.0
+
+
+def test_a_search_that_stalls_on_a_crease_is_led_on_until_nothing_around_it_is_lower(crease):
+    model, observation = crease
+    problem = FitProblem(model, observation)
+    stalled = fit_hypothesis((), problem, np.zeros(2))
+    assert (stalled.state, stalled.ended, stalled.at_rest) == ("stalled", True, False)
+    led = rested(stalled, problem, 4.0, 0)
+    assert led.objective < stalled.objective - 4.0
+    assert np.array_equal(led.u, rested(stalled, problem, 4.0, 0).u)
+    least = 0.001 * stalled.chi2
+    fits = [led]
+    while not fits[-1].at_rest:
+        fits.append(rested(fits[-1], problem, least, len(fits)))
+        assert len(fits) < 10
+    last = fits[-1]
+    assert (last.state, last.converged) == (CORNER, False)
+    around = last.u + 0.02 * np.random.default_rng(1).standard_normal((500, 2))
+    assert np.nanmin(objectives(problem, around)) > last.objective - least
+
+
+def test_a_smooth_minimum_is_no_corner(spring):
+    model, observation = spring
+    problem = FitProblem(model, observation)
+    best = fit_hypothesis((), problem, np.zeros(2))
+    found = rested(replace(best, state="stalled"), problem, 4.0, 0)
+    assert found.state in ("converged", "kink")
+    assert found.objective == pytest.approx(best.objective, abs=1.0)
