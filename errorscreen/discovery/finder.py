@@ -339,9 +339,9 @@ class CauseFinder(BaseEstimator):
             placebo = self.placebo_.simulator.with_step_of(extended).with_nominal(self.placebo_.theta)
         gain = measure_gain(
             self.simulator.with_step_of(extended),
-            self.recalibrated_simulator_,
             extended,
             held_out,
+            recalibrated=self.recalibrated_simulator_,
             placebo=placebo,
             random_state=self._seed,
         )

@@ -21,6 +21,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from errorscreen.calibration import MAPCalibrator
+from errorscreen.discovery.hypotheses import PRIOR
 from errorscreen.exceptions import check_real
 from errorscreen.observations import Observation
 from errorscreen.sampling import generator
@@ -93,11 +95,12 @@ class Gain:
 
 
 def measure_gain(
-    baseline: Simulator,
-    recalibrated: Simulator,
+    old: Simulator,
     extended: Simulator,
     held_out: Any,
     *,
+    fitted: Any = None,
+    recalibrated: Simulator | None = None,
     placebo: Simulator | None = None,
     level: float = 0.9,
     random_state: Any = 0,
@@ -106,18 +109,23 @@ def measure_gain(
 
     Parameters
     ----------
-    baseline : Simulator
-        As it was.
-    recalibrated : Simulator
-        With the parameters that fit best without the extension: the fair baseline.
+    old : Simulator
+        Without the extension.
     extended : Simulator
-    held_out : Observation, or anything ``baseline.observe`` takes, or a list of them
+        With what was found, at its fitted values.
+    held_out : Observation, or anything ``old.observe`` takes, or a list of them
+    fitted : Observation, or anything ``old.observe`` takes, or a list of them, optional
+        What `extended` was fitted to. The old model is recalibrated on it, and a wrong effect of its library fitted as a
+        placebo, unless they are given.
+    recalibrated : Simulator, optional
+        The old model with the parameters that fit best without the extension: the fair baseline. Without it and without
+        `fitted` the old model is taken for calibrated.
     placebo : Simulator, optional
         With a wrong effect, fitted in the same way.
     level : float
         Probability of the interval, between 0 and 1.
     random_state : None, int, SeedSequence, Generator or RandomState
-        Of the bootstrap.
+        Of the bootstrap, of calibrations, and of the choice among wrong effects with as many parameters.
 
     Returns
     -------
@@ -132,13 +140,18 @@ def measure_gain(
     >>> recording, held_out, truth = demo_recordings(0)
     >>> plant = PlantSimulator("synchronous_machine", recording)
     >>> right = plant.with_nominal([truth[name] for name in plant.parameters.names])
-    >>> measure_gain(plant, plant, right, held_out).gain > 0.9
+    >>> measure_gain(plant, right, held_out).gain > 0.9
     True
     """
     check_real(level, "level", low=0.0, high=1.0, above=True)
-    observations = as_observations(baseline, held_out)
+    observations = as_observations(old, held_out)
     rng = generator(random_state)
-    errors = [_deviations(model, observations) for model in (baseline, recalibrated, extended)]
+    if fitted is not None:
+        seen = as_observations(old, fitted)
+        recalibrated = recalibrated or _calibrated(old, seen, rng)
+        placebo = placebo or _placebo(old, extended, seen, rng)
+    recalibrated = recalibrated or old
+    errors = [_deviations(model, observations) for model in (old, recalibrated, extended)]
     squares = [[(z**2).sum(axis=0) for z in rows] for rows in errors]
     totals = [[float(row.sum()) for row in rows] for rows in squares]
     counts = [int(o.mask.sum()) for o in observations]
@@ -168,6 +181,25 @@ def measure_gain(
     )
     more = [0 if m is None else len(m.parameters) - len(recalibrated.parameters) for m in (extended, placebo)]
     return Gain(rms[0], rms[1], rms[2], gain, (float(low), float(high)), level, other, events, *more)
+
+
+def _calibrated(model: Simulator, fitted: Sequence[Observation], rng: np.random.Generator) -> Simulator:
+    """The same with the parameters that fit best."""
+    found = MAPCalibrator(model, prior_scale=PRIOR, random_state=rng).fit(list(fitted))
+    return model.with_nominal(found.theta_)
+
+
+def _placebo(
+    old: Simulator, extended: Simulator, fitted: Sequence[Observation], rng: np.random.Generator
+) -> Simulator | None:
+    """The old model with a wrong effect, with as many parameters as the extension has if there is one, fitted."""
+    right = {effect.original for effect in extended.extensions}
+    wrong = [e for e in old.effects_named(None) if e.original not in right and not e.occasional]
+    if not wrong or not right:
+        return None
+    own = len(extended.parameters) - len(old.parameters)
+    off = np.array([abs(len(effect.parameters) - own) for effect in wrong])
+    return _calibrated(old.extend(wrong[rng.choice(np.flatnonzero(off == off.min()))]), fitted, rng)
 
 
 def _deviations(model: Simulator, observations: Sequence[Observation]) -> list[_Array]:

@@ -34,7 +34,7 @@ def case():
 
 def test_no_change_is_no_gain(case):
     old, _, _, recordings = case
-    gain = measure_gain(old, old, old, recordings)
+    gain = measure_gain(old, old, recordings)
     assert gain.gain == 0
     assert gain.interval == (0, 0)
     assert not gain.holds
@@ -42,7 +42,7 @@ def test_no_change_is_no_gain(case):
 
 def test_the_right_extension_leaves_noise(case):
     old, true, wrong, recordings = case
-    gain = measure_gain(old, old, true, recordings, placebo=wrong)
+    gain = measure_gain(old, true, recordings, placebo=wrong)
     assert gain.extended == pytest.approx(1.0, abs=0.1)
     assert gain.recalibrated > 3
     assert gain.gain == pytest.approx(1 - (gain.extended / gain.recalibrated) ** 2)
@@ -55,7 +55,7 @@ def test_the_right_extension_leaves_noise(case):
 
 def test_a_wrong_extension_does_not_hold(case):
     old, _, wrong, recordings = case
-    gain = measure_gain(old, old, wrong, recordings, placebo=old)
+    gain = measure_gain(old, wrong, recordings, placebo=old)
     assert gain.gain < 0
     assert not gain.holds
 
@@ -65,7 +65,7 @@ def test_a_model_that_fails_gains_nothing(case):
     # a rotor without inertia diverges at this step
     space = old.parameters.replace({"Tj": {"lower": 1e-6, "nominal": 1e-6, "scale": 9.0}})
     broken = plant("synchronous_machine", dip(stop=5.0), parameters=space)
-    gain = measure_gain(old, old, broken, recordings)
+    gain = measure_gain(old, broken, recordings)
     assert gain.gain == -np.inf
     assert not gain.holds
 
@@ -74,7 +74,7 @@ def test_what_only_the_extended_model_can_simulate_is_a_gain(case):
     old, true, wrong, recordings = case
     space = old.parameters.replace({"Tj": {"lower": 1e-6, "nominal": 1e-6, "scale": 9.0}})
     broken = plant("synchronous_machine", dip(stop=5.0), parameters=space)
-    gain = measure_gain(old, broken, true, recordings, placebo=wrong)
+    gain = measure_gain(old, true, recordings, recalibrated=broken, placebo=wrong)
     assert gain.gain == 1
     assert gain.interval == (1, 1)
     assert gain.recalibrated == np.inf
@@ -92,9 +92,9 @@ def test_an_event_that_the_old_model_cannot_simulate_is_left_out(case, monkeypat
             return replace(found, values=np.full_like(found.values, np.nan))
         return found
 
-    expected = measure_gain(old, old, true, recordings, placebo=wrong)
+    expected = measure_gain(old, true, recordings, placebo=wrong)
     monkeypatch.setattr(type(old), "simulate", fails)
-    gain = measure_gain(old, old, true, more, placebo=wrong)
+    gain = measure_gain(old, true, more, placebo=wrong)
     assert (gain.gain, gain.interval, gain.placebo) == (expected.gain, expected.interval, expected.placebo)
     assert gain.events[2].recalibrated == np.inf
 
@@ -117,7 +117,7 @@ def test_smooth_errors_without_gain_seldom_look_like_one(dt, samples):
             )
             for y in (old, new)
         ]
-        above += measure_gain(models[0], *models, seen).interval[0] > 0
+        above += measure_gain(*models, seen).interval[0] > 0
     assert above <= 8
 
 
@@ -135,7 +135,7 @@ def test_the_interval_holds_the_gain_where_the_errors_lie_at_one_end(part):
         for y in (old, new)
     ]
     seen = Observation(event, np.zeros((1, 200)), np.ones(1), ("y",), ("1",))
-    found = measure_gain(models[0], *models, seen)
+    found = measure_gain(*models, seen)
     assert found.interval[0] < found.gain < found.interval[1]
     assert found.gain == pytest.approx(1.0 - np.sum(new**2) / np.sum(old**2))
 
@@ -143,6 +143,27 @@ def test_the_interval_holds_the_gain_where_the_errors_lie_at_one_end(part):
 def test_bad_arguments_are_refused(case):
     old, true, _, recordings = case
     with pytest.raises(InputError, match="list of recordings is empty"):
-        measure_gain(old, old, true, [])
+        measure_gain(old, true, [])
     with pytest.raises(InputError, match="level"):
-        measure_gain(old, old, true, recordings, level=90)
+        measure_gain(old, true, recordings, level=90)
+
+
+def test_the_old_model_is_recalibrated_and_a_placebo_fitted_on_what_the_extension_was_fitted_to(case):
+    old, true, _, recordings = case
+    wrong = old.with_nominal(1.2 * old.parameters.nominal)
+    gain, again = (
+        measure_gain(wrong, true, recordings[1], fitted=recordings[0], random_state=3) for _ in range(2)
+    )
+    assert gain == again
+    assert gain.recalibrated < gain.baseline
+    assert gain.extended == pytest.approx(1.0, abs=0.1)
+    assert gain.placebo_parameters == gain.extension_parameters == 4
+    assert gain.placebo < gain.gain
+    assert gain.holds
+
+
+def test_without_what_was_fitted_the_old_model_counts_as_calibrated(case):
+    old, true, _, recordings = case
+    gain = measure_gain(old, true, recordings)
+    assert gain.baseline == gain.recalibrated
+    assert gain.placebo is None
