@@ -13,8 +13,9 @@ from errorscreen.discovery.hypotheses import Hypothesis
 from errorscreen.discovery.latent import Place, rank_places
 from errorscreen.discovery.noise import noise_limit
 from errorscreen.discovery.quick import Diagnosis, diagnose
-from errorscreen.discovery.ranking import Cause, Group
+from errorscreen.discovery.ranking import Cause
 from errorscreen.discovery.remainder import Cell, Remainder, remainder_test
+from errorscreen.discovery.separation import Group
 from errorscreen.discovery.verdict import Verdict, held_out_limit, judge
 
 __all__ = [

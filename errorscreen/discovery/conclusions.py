@@ -1,4 +1,4 @@
-"""What follows from fitted hypotheses: sentences of the verdict, what would separate them, and a placebo."""
+"""What follows from fitted hypotheses: sentences of the verdict, and a placebo."""
 
 from __future__ import annotations
 
@@ -13,8 +13,6 @@ from errorscreen.discovery.latent import Place
 from errorscreen.discovery.ranking import Cause
 from errorscreen.discovery.remainder import Remainder
 from errorscreen.effects.base import Effect
-from errorscreen.events import Event
-from errorscreen.exceptions import SimulationError
 from errorscreen.simulators.base import Simulator
 
 #: an effect of which a placebo is made must be less probable than this
@@ -25,21 +23,6 @@ LITTLE = 0.5
 ALIKE = 1 / 20
 #: names of effects that are told in a sentence, at most
 _TOLD = 6
-
-
-def separating(members: Sequence[Hypothesis], events: Sequence[Event]) -> tuple[tuple[str, str, float], ...]:
-    """Events and channels in which the two most probable hypotheses differ most, see `Group.separating`."""
-    found = []
-    reference = members[0].observations[0]
-    for event in events:
-        try:
-            a, b = (member.predict(event) for member in members[:2])
-        except SimulationError:
-            continue
-        for r, channel in enumerate(reference.channels):
-            distance = float(np.sqrt(np.sum((a[r] - b[r]) ** 2)) / reference.noise[r])
-            found.append((event.name, channel, distance))
-    return tuple(sorted(found, key=lambda item: -item[2]))
 
 
 def placebo(
@@ -163,10 +146,10 @@ def place_text(places: Sequence[Place], simulator: Simulator) -> str:
     if places:
         first = places[0]
         text = (
-            f"A signal that enters at {first.place} of the {first.device} would explain it best, "
+            f"A signal that enters at {first.name} would explain it best, "
             f"{_percent(first.explained)} of what parameters leave ({first.text})."
         )
-        alike = alike_places(places)
+        alike = other_places(places)
         if alike:
             text += f" These recordings do not tell it from a signal at {alike}."
         if max(place.explained for place in places) < LITTLE:
@@ -177,10 +160,14 @@ def place_text(places: Sequence[Place], simulator: Simulator) -> str:
     return "An unknown signal explains it at none of the simulator's ports."
 
 
-def alike_places(places: Sequence[Place]) -> str:
+def alike_places(places: Sequence[Place]) -> list[Place]:
+    """The first place and those that cannot be told from it."""
+    return [place for place in places if place.probability >= ALIKE * places[0].probability]
+
+
+def other_places(places: Sequence[Place]) -> str:
     """Places that cannot be told from the first, in words; empty if there is none."""
-    alike = [place for place in places[1:] if place.probability >= ALIKE * places[0].probability]
-    return ", or at ".join(f"{place.place} of the {place.device}" for place in alike[:_TOLD])
+    return ", or at ".join(place.name for place in alike_places(places)[1 : _TOLD + 1])
 
 
 def _percent(share: float) -> str:

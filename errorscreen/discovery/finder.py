@@ -22,8 +22,9 @@ from errorscreen.discovery.hypotheses import PRIOR, Hypothesis, candidates, para
 from errorscreen.discovery.intervals import with_profiles
 from errorscreen.discovery.journal import Journal
 from errorscreen.discovery.latent import Place, rank_places
-from errorscreen.discovery.ranking import Group, rank_causes
+from errorscreen.discovery.ranking import rank_causes
 from errorscreen.discovery.remainder import Remainder, remainder_test
+from errorscreen.discovery.separation import Group, differing, group_of
 from errorscreen.discovery.verdict import Verdict, judge
 from errorscreen.effects.base import Effect
 from errorscreen.events import Event
@@ -86,6 +87,8 @@ class CauseFinder(BaseEstimator):
     causes_ : list of Cause
         The most probable first; probabilities sum to 1.
     groups_ : list of Group
+        Explanations that the recordings do not tell from the first one; where the verdict is unknown, places of the
+        unknown signal that they do not tell apart.
     hypotheses_ : list of Hypothesis
         All that were fitted, by falling evidence, with `Remainder.excess` in place of χ².
     remainders_ : dict of str to Remainder
@@ -162,20 +165,7 @@ class CauseFinder(BaseEstimator):
         SimulationError
             If nothing can be simulated.
         """
-        check_integer(self.max_effects, "max_effects", low=0)
-        check_integer(self.n_fits, "n_fits")
-        check_integer(self.n_draws, "n_draws")
-        check_real(self.significance, "significance", low=_LEAST, high=1.0)
-        for event in self.events or ():
-            if not isinstance(event, Event):
-                raise InputError(
-                    f"events holds a {type(event).__name__}", allowed="objects of a class of Event"
-                )
-        if self.checkpoint is not None and self.random_state is None:
-            raise InputError(
-                "a search without random_state is another one each time, so it cannot go on from a checkpoint",
-                allowed="random_state=0, or any other number",
-            )
+        self._check()
         observations = as_observations(self.simulator, X)
         library = candidates(self.simulator, observations, self._names())
         self._seed = int(generator(self.random_state).integers(2**31))
@@ -241,6 +231,27 @@ class CauseFinder(BaseEstimator):
         tags.target_tags.required = False
         return tags
 
+    def _check(self) -> None:
+        """Refuse arguments that cannot be used."""
+        check_integer(self.max_effects, "max_effects", low=0)
+        for name in ("n_fits", "n_draws", "n_starts", "library_size"):
+            check_integer(getattr(self, name), name)
+        check_real(self.significance, "significance", low=_LEAST, high=1.0)
+        if self.report is not None and not callable(self.report):
+            raise InputError(
+                f"report is {self.report!r}", allowed="a function that takes a line of text, or None"
+            )
+        for event in self.events or ():
+            if not isinstance(event, Event):
+                raise InputError(
+                    f"events holds a {type(event).__name__}", allowed="objects of a class of Event"
+                )
+        if self.checkpoint is not None and self.random_state is None:
+            raise InputError(
+                "a search without random_state is another one each time, so it cannot go on from a checkpoint",
+                allowed="random_state=0, or any other number",
+            )
+
     def _names(self) -> tuple[str, ...] | None:
         """Names of the effects to try, None for all."""
         if self.effects is None:
@@ -303,13 +314,11 @@ class CauseFinder(BaseEstimator):
         """Verdict, groups and the extended simulator."""
         by_name, first = {h.name: h for h in self.hypotheses_}, self.causes_[0]
         self._chosen = by_name.get(first.name, self._base)
-        self.groups_ = []
+        self.groups_: list[Group] = []
         least = conclusions.ALIKE * first.probability
-        alike = [c for c in self.causes_ if c.name in by_name and c.probability >= least]
-        if first.kind in ("effect", "measurement") and len(alike) > 1:
-            members = [by_name[c.name] for c in alike]
-            apart = conclusions.separating(members, tuple(self.events or ()))
-            self.groups_ = [Group(tuple(c.name for c in alike), apart)]
+        alike = [by_name[c.name] for c in self.causes_ if c.name in by_name and c.probability >= least]
+        if first.kind != "unknown" and len(alike) > 1:
+            self.groups_ = [group_of(alike, self.events or ())]
         fair = self.simulator.with_step_of(self._chosen.simulator)
         self.recalibrated_simulator_ = fair.with_nominal(self._base.theta)
         self.placebo_ = conclusions.placebo(self.hypotheses_, self._chosen, self.causes_)
@@ -348,7 +357,7 @@ class CauseFinder(BaseEstimator):
         first = self.causes_[0]
         holds = gain.interval[1] >= 0 if first.event else gain.holds
         if self.verdict_.kind in ("effect", "measurement") and not holds:
-            self.extended_simulator_, self.groups_ = self.recalibrated_simulator_, []
+            self.extended_simulator_ = self.recalibrated_simulator_
             self.causes_, self._chosen = conclusions.withdrawn(self.causes_), self._base
             self.verdict_ = Verdict("unknown", f"{conclusions.withdrawn_text(first, gain)} {self._located()}")
         return gain
@@ -394,8 +403,11 @@ class CauseFinder(BaseEstimator):
 
     @one_blas_thread
     def _located(self) -> str:
-        """Where something unknown enters, in words; places are kept."""
+        """Where something unknown enters, in words; places are kept, and those that cannot be told apart."""
         self._tell("places of an unknown signal")
         self.places_, count = rank_places(self._base)
         self.n_simulations_ += count
+        alike = conclusions.alike_places(self.places_)
+        states = differing([place.states for place in alike]) if len(alike) > 1 else ()
+        self.groups_ = [Group(tuple(place.name for place in alike), (), states)] if len(alike) > 1 else []
         return conclusions.place_text(self.places_, self.simulator)

@@ -115,8 +115,8 @@ def measure_gain(
         With what was found, at its fitted values.
     held_out : Observation, or anything ``old.observe`` takes, or a list of them
     fitted : Observation, or anything ``old.observe`` takes, or a list of them, optional
-        What `extended` was fitted to. The old model is recalibrated on it, and a wrong effect of its library fitted as a
-        placebo, unless they are given.
+        What `extended` was fitted to. The old model is recalibrated on it, and a wrong effect of its library is fitted
+        as a placebo, unless they are given.
     recalibrated : Simulator, optional
         The old model with the parameters that fit best without the extension: the fair baseline. Without it and without
         `fitted` the old model is taken for calibrated.
@@ -161,12 +161,12 @@ def measure_gain(
     widths = [_width(z) for z in errors[1]]
     for i in range(_RESAMPLED):
         chosen = rng.integers(len(compared), size=len(compared))
-        old = new = 0.0
+        before = after = 0.0
         for event in (compared[e] for e in chosen):
             index = _blocks(len(squares[1][event]), widths[event], rng)
-            old += float(squares[1][event][index].sum())
-            new += float(squares[2][event][index].sum())
-        draws[i] = _gain(old, new)
+            before += float(squares[1][event][index].sum())
+            after += float(squares[2][event][index].sum())
+        draws[i] = _gain(before, after)
     low = high = -np.inf
     if np.isfinite(draws).all():
         low, high = np.quantile(draws, [0.5 - level / 2, 0.5 + level / 2])

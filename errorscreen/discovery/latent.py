@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -13,6 +13,7 @@ from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery.fine_detail import Detailed, detailed
 from errorscreen.discovery.hypotheses import SLICE, Hypothesis, JointFit
 from errorscreen.discovery.racing import attempted, race
+from errorscreen.discovery.separation import States, states_of
 from errorscreen.effects.base import Effect
 from errorscreen.effects.latent_input import KNOTS, PULSE
 from errorscreen.events import InputSignal, Playback
@@ -50,6 +51,8 @@ class Place:
         Of the waveform.
     explained : float
         Share of what parameters leave beyond noise that the signal explains without that detail.
+    states : mapping of (str, str) to ndarray of shape (L,)
+        Inside all devices with the signal, without that detail, in the first recording, by device and name.
     """
 
     device: str
@@ -61,6 +64,12 @@ class Place:
     follows: tuple[tuple[str, float], ...]
     unit: str = "pu"
     explained: float = 1.0
+    states: States = field(default_factory=dict, repr=False, compare=False)
+
+    @property
+    def name(self) -> str:
+        """Port and device in words."""
+        return f"{self.place} of the {self.device}"
 
     @property
     def text(self) -> str:
@@ -222,4 +231,5 @@ def _place(
         tuple(follows),
         next(p.unit for p in effect.parameters if p.name == "a0"),
         explained,
+        states_of(hypothesis.simulator, hypothesis.theta, observation.event),
     )

@@ -71,22 +71,6 @@ class Cause:
     withdrawn: bool = False
 
 
-@dataclass(frozen=True)
-class Group:
-    """Explanations that these recordings cannot tell apart.
-
-    Parameters
-    ----------
-    names : tuple of str
-    separating : tuple of (str, str, float)
-        Event, channel and by how many standard deviations of the noise (root of the sum of squares) the explanations
-        would differ there, the best first; empty where no other event was given.
-    """
-
-    names: tuple[str, ...]
-    separating: tuple[tuple[str, str, float], ...]
-
-
 def rank_causes(found: Competition) -> list[Cause]:
     """Causes and "unknown", the most probable first; their probabilities sum to 1.
 

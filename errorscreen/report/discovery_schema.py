@@ -55,11 +55,22 @@ class Separation(Part):
     distance: Number = Field(description="standard deviations of the noise, root of the sum of squares")
 
 
+class StateDifference(Part):
+    """How far explanations differ inside a device, where nothing was recorded."""
+
+    device: str
+    state: str
+    share: Number = Field(description="rms difference over the range of the state")
+
+
 class Group(Part):
-    """Explanations that the recordings cannot tell apart."""
+    """Explanations, or places of an unknown signal, that the recordings cannot tell apart."""
 
     names: list[str]
-    separating: list[Separation] = []
+    separating: list[Separation] = Field(default=[], description="other events that would, the best first")
+    states: list[StateDifference] = Field(
+        default=[], description="other quantities to record that would, the best first"
+    )
 
 
 class EventGain(Part):

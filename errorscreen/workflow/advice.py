@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 
 from errorscreen.discovery import Cause, CauseFinder, Gain, Group
-from errorscreen.discovery.conclusions import LITTLE, alike_places
+from errorscreen.discovery.conclusions import LITTLE, other_places
 from errorscreen.events import Playback
 from errorscreen.observations import Observation
 from errorscreen.simulators import Simulator
@@ -64,16 +64,25 @@ def advice(
 
 
 def _apart(group: Group) -> str:
-    """How to tell explanations apart."""
+    """How to tell explanations, or places, apart."""
+    names = f"{', '.join(group.names[:-1])} and {group.names[-1]}"
     if group.separating:
         event, channel, distance = group.separating[0]
-        return (
-            f"{' and '.join(group.names[:2])} differ most in {channel} of an event like {event!r}, by "
-            f"{distance:.0f} standard deviations in all: fit that recording together with this one ({_TOGETHER})."
+        text = (
+            f"{names} differ most in {channel} of an event like {event!r}, by {distance:.0f} standard deviations in "
+            f"all: fit that recording together with this one ({_TOGETHER})."
         )
+    else:
+        text = (
+            f"{names} cannot be told apart by this recording: record an event of another depth or duration and fit "
+            f"it together with this one ({_TOGETHER})."
+        )
+    inside = [
+        f"{state} of the {device or 'model'} (by {share:.0%} of its range)"
+        for device, state, share in group.states
+    ]
     return (
-        f"{', '.join(group.names)} cannot be told apart by this recording: record an event of another depth or "
-        f"duration and fit it together with this one ({_TOGETHER})."
+        f"{text} Inside, they differ most in {', '.join(inside)}: record what shows that." if inside else text
     )
 
 
@@ -96,7 +105,7 @@ def _to_locate(finder: CauseFinder, refuted: bool) -> Iterator[str]:
                 "each other first."
             )
             continue
-        alike = alike_places(finder.places_)
+        alike = other_places(finder.places_)
         also = f" (or at {alike})" if alike else ""
         yield (
             f"Something unknown enters at {place.place} of the {place.device}{also}: record {named}whatever acts on it."

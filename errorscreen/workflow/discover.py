@@ -135,7 +135,11 @@ def _told(finder: CauseFinder) -> dict[str, Any]:
         "label": finder.best_.name if _named(finder) else "",
         "causes": [_cause(cause, finder) for cause in finder.causes_],
         "groups": [
-            {"names": list(g.names), "separating": [list(item) for item in g.separating]}
+            {
+                "names": list(g.names),
+                "separating": [list(item) for item in g.separating],
+                "states": [list(item) for item in g.states],
+            }
             for g in finder.groups_
         ],
         "extension": [{"name": e.name, "recording": e.recording} for e in best.effects],

@@ -27,7 +27,6 @@ from errorscreen.report.discovery_schema import (
     HypothesisFit,
     Place,
     RemainingCell,
-    Separation,
 )
 from errorscreen.report.parts import ParameterResult, Role
 from errorscreen.report.result_schema import (
@@ -125,9 +124,9 @@ def build_result(outcome: Outcome) -> Result:
 
 
 def _group(group: dict[str, Any]) -> Group:
-    keys = ("event", "channel", "distance")
-    separating = [Separation(**dict(zip(keys, item, strict=True))) for item in group["separating"]]
-    return Group(names=group["names"], separating=separating)
+    events = [dict(zip(("event", "channel", "distance"), item, strict=True)) for item in group["separating"]]
+    states = [dict(zip(("device", "state", "share"), item, strict=True)) for item in group["states"]]
+    return Group.model_validate({"names": group["names"], "separating": events, "states": states})
 
 
 def _discovery(discovered: Discovered, outcome: Outcome) -> Discovery:

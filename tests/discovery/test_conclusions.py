@@ -7,6 +7,7 @@ import pytest
 
 from errorscreen.bench.plant_scenarios import draw_plant_scenario
 from errorscreen.discovery import CauseFinder, EventGain, Gain, Place, conclusions
+from errorscreen.discovery.separation import group_of
 from errorscreen.effects import GOVERNOR, STABILISER, measurement_effects
 from errorscreen.simulators import PlantSimulator
 
@@ -52,13 +53,21 @@ def test_what_cannot_be_told_apart_is_named_together(twins):
     assert max(d for _, _, d in group.separating) < 3.0
 
 
-def test_the_event_in_which_two_differ_most_comes_first(twins):
+def test_the_event_in_which_explanations_differ_most_comes_first(twins):
     finder, events = twins
     by_name = {h.name: h for h in finder.hypotheses_}
-    found = conclusions.separating([by_name["stabiliser"], by_name["governor"]], events)
-    distances = [d for _, _, d in found]
-    assert distances == sorted(distances, reverse=True)
-    assert distances[0] > 3.0
+    two, three = (
+        group_of([by_name[name] for name in names], events)
+        for names in (("stabiliser", "governor"), ("stabiliser", "governor", "twin"))
+    )
+    for group in (two, three):
+        distances = [d for _, _, d in group.separating]
+        assert distances == sorted(distances, reverse=True)
+        assert distances[0] > 3.0
+    # of three pairs one is twins, and the others are alike
+    squares = [np.array([d for _, _, d in sorted(g.separating)]) ** 2 for g in (two, three)]
+    assert np.allclose(squares[1], 2 / 3 * squares[0], rtol=0.2)
+    assert {device for device, _, _ in two.states} == {"synchronous_machine"} or not two.states
 
 
 def test_a_placebo_has_as_many_parameters_where_one_was_fitted(twins):

@@ -10,7 +10,7 @@ from errorscreen.bench.discovery import run_scenario
 from errorscreen.bench.plant_scenarios import draw_plant_scenario
 from errorscreen.bench.trap_scenarios import draw_trap_scenario
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.discovery import CauseFinder, refinement
+from errorscreen.discovery import CauseFinder, conclusions, refinement
 from errorscreen.discovery.hypotheses import fit_hypothesis
 from errorscreen.discovery.refinement import WORTH
 from errorscreen.exceptions import InputError
@@ -50,6 +50,8 @@ def test_what_no_library_holds_is_unknown_and_placed():
     assert (finder.places_[0].device, finder.places_[0].place) == ("synchronous_machine", hidden.place)
     assert hidden.place in finder.verdict_.text
     assert sum(p.probability for p in finder.places_) == pytest.approx(1)
+    alike = [p for p in finder.places_ if p.probability >= conclusions.ALIKE * finder.places_[0].probability]
+    assert [g.names for g in finder.groups_] == ([tuple(p.name for p in alike)] if len(alike) > 1 else [])
     # without an effect the extended model is the recalibrated one
     assert finder.extended_simulator_.parameters.names == hidden.simulator.parameters.names
 
@@ -138,6 +140,9 @@ def test_bad_arguments_are_refused():
         CauseFinder(hidden.simulator, ["volt_var", "volt_var"]).fit(recordings)
     with pytest.raises(InputError, match="list of effects is empty"):
         CauseFinder(hidden.simulator, []).fit(recordings)
+    for wrong in ({"n_starts": "4"}, {"library_size": -5}, {"library_size": "x"}, {"report": 1}):
+        with pytest.raises(InputError, match=next(iter(wrong))):
+            CauseFinder(hidden.simulator, **wrong).fit(recordings)
     with pytest.raises(InputError, match="events holds a str"):
         CauseFinder(hidden.simulator, events=["fault"]).fit(recordings)
     with pytest.raises(InputError, match="an object of a subclass of Simulator"):

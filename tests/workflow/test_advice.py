@@ -90,6 +90,15 @@ def test_what_cannot_be_told_apart_says_which_key_of_the_case_file_would():
     assert "[[together]]" in told(
         finder("effect", EXCITER, UNKNOWN, groups=[replace(apart, separating=())]), None
     )
+    assert "Inside" not in text
+
+
+def test_what_cannot_be_told_apart_says_what_else_to_record():
+    places = ("Efd of the synchronous_machine", "Pm of the synchronous_machine")
+    apart = Group(places, (), (("synchronous_machine", "Eq1", 0.4), ("", "w", 0.06)))
+    text = told(finder("unknown", UNKNOWN, places=[PLACE], groups=[apart]), None)
+    assert "Efd of the synchronous_machine and Pm of the synchronous_machine cannot be told apart" in text
+    assert "Eq1 of the synchronous_machine (by 40% of its range), w of the model (by 6% of its range)" in text
 
 
 @pytest.mark.filterwarnings("ignore:.*before the event is")
