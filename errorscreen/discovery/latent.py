@@ -1,4 +1,4 @@
-"""Where something enters that no effect explains: an unknown signal, estimated at each port in turn."""
+"""Where something enters that no effect explains: an unknown signal, estimated in turn at each port that has one."""
 
 from __future__ import annotations
 
@@ -82,9 +82,9 @@ class Place:
 
 
 def rank_places(base: Hypothesis) -> tuple[list[Place], int]:
-    """Fit an unknown signal at each port together with all parameters, one of its own in each recording.
+    """Fit an unknown signal together with all parameters, in turn at each port that has one.
 
-    A fit that has come to rest far above the best is not led to its end (`race`). Signals are compared with detail that
+    It is another one in each recording. A fit that has come to rest far above the best is not led to its end (`race`). Signals are compared with detail that
     their knots are too coarse for (`detailed`). What is left even so tells less about the place than noise would
     (`probabilities_of`).
 

@@ -2,11 +2,14 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from errorscreen.cases import load_case
 from errorscreen.discovery import CauseFinder
+from errorscreen.discovery.conclusions import ALIKE
 from errorscreen.workflow import Study
+from errorscreen.workflow.advice import advice
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -51,3 +54,32 @@ def test_the_trip_of_an_inverter_and_its_return_are_named():
     assert low == pytest.approx(321.3, abs=0.4)
     assert high == pytest.approx(326.1, abs=0.4)
     assert 321.3 < value < 326.2
+    # 326 V for 14 s and for 50 s, and 321 V for 10 s: nothing may happen then
+    event, extended = study.observation.event, finder.extended_simulator_
+    steady = event.time < 130.0
+    assert np.all(power_of(extended, event)[steady] > 0.8)
+    assert power_of(extended, event)[np.searchsorted(event.time, 160.0)] < 0.01
+    # which is no matter of course: each of them trips a plant whose threshold is higher, or whose timer is shorter
+    for changed in ({"trip.Vth": 330.0 / 350.57}, {"trip.Tth": 9.0}):
+        theta = extended.parameters.nominal
+        theta[[extended.parameters.index(name) for name in changed]] = list(changed.values())
+        assert power_of(extended.with_nominal(theta), event)[steady].min() < 0.01
+
+
+def power_of(simulator, event):
+    return simulator.baseline(event)[simulator.channels.index("P")]
+
+
+@pytest.mark.slow
+def test_what_a_grid_fault_tells_of_a_hydro_unit_is_where_to_measure():
+    """Nobody knows the cause: whoever names one is wrong."""
+    study = study_of("grid_fault")
+    finder = CauseFinder(study.simulator, random_state=study.run.random_state).fit(study.observation)
+    assert finder.verdict_.kind == "unknown"
+    assert finder.best_.at_rest
+    first = finder.places_[0]
+    assert (first.device, first.place) == ("synchronous_machine", "Efd")
+    assert first.explained > 0.5
+    assert "record the field voltage" in " ".join(advice(finder, None))
+    alike = [p.name for p in finder.places_ if p.probability >= ALIKE * first.probability]
+    assert [list(group.names) for group in finder.groups_] == ([alike] if len(alike) > 1 else [])
