@@ -7,6 +7,7 @@ from sklearn.exceptions import NotFittedError
 from sklearn.utils import estimator_checks
 
 from errorscreen.calibration import MAPCalibrator, PSOCalibrator
+from errorscreen.discovery import CauseFinder, FirstLook
 from errorscreen.exceptions import InputError
 from errorscreen.screening import RandomScreener, SensitivityScreener
 from errorscreen.testing import check_calibrator, check_screener, check_simulator
@@ -19,6 +20,10 @@ CALIBRATORS = [
     MAPCalibrator(SIMULATOR, n_starts=2, library_size=16, random_state=0),
 ]
 SCREENERS = [SensitivityScreener(SIMULATOR), RandomScreener(SIMULATOR, random_state=0)]
+FINDERS = [
+    CauseFinder(SIMULATOR, max_effects=0, n_starts=2, library_size=16, random_state=0),
+    FirstLook(SIMULATOR, n_samples=20, random_state=0),
+]
 CHECKS = [
     estimator_checks.check_estimator_cloneable,
     estimator_checks.check_estimator_repr,
@@ -36,13 +41,13 @@ def name(value):
     return getattr(value, "__name__", type(value).__name__)
 
 
-@pytest.mark.parametrize("estimator", CALIBRATORS + SCREENERS, ids=name)
+@pytest.mark.parametrize("estimator", CALIBRATORS + SCREENERS + FINDERS, ids=name)
 @pytest.mark.parametrize("check", CHECKS, ids=name)
 def test_scikit_learn_checks(check, estimator):
     check(type(estimator).__name__, clone(estimator))
 
 
-@pytest.mark.parametrize("estimator", CALIBRATORS + SCREENERS, ids=name)
+@pytest.mark.parametrize("estimator", CALIBRATORS + SCREENERS + FINDERS[:1], ids=name)
 def test_fit_returns_self_changes_no_parameter_and_repeats_itself(estimator):
     first, second = clone(estimator), clone(estimator)
     before = {key: value for key, value in first.get_params(deep=False).items() if key != "simulator"}

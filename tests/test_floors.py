@@ -63,9 +63,16 @@ def test_imports_only_go_down(path):
                 )
 
 
-def test_heavy_libraries_are_not_imported_with_the_package():
-    heavy = "('torch', 'skorch', 'matplotlib', 'numba')"
-    code = f"import errorscreen, sys; print(*[m for m in {heavy} if m in sys.modules])"
+@pytest.mark.parametrize(
+    ("module", "heavy"),
+    [
+        ("errorscreen", ("torch", "skorch", "matplotlib", "andes", "dask", "numba")),
+        ("errorscreen.discovery", ("torch", "skorch", "matplotlib", "andes", "dask")),
+        ("errorscreen.cli", ("torch", "skorch", "matplotlib", "andes", "dask")),
+    ],
+)
+def test_heavy_libraries_are_imported_where_they_are_used(module, heavy):
+    code = f"import {module}, sys; print(*[m for m in {heavy} if m in sys.modules])"
     found = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     ).stdout.split()

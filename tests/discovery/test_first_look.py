@@ -52,15 +52,19 @@ def test_the_same_seed_gives_the_same_samples_for_any_number_of_workers():
     assert np.array_equal(one.contributions, two.contributions, equal_nan=True)
 
 
-def test_hidden_effects_are_looked_at_first():
+NEIGHBOURS = make_pipeline(
+    CWTTransformer(n_frequencies=16, n_columns=32, sampling_period=1 / 120, output="flat"),
+    KNeighborsRegressor(3, weights="distance"),
+)
+
+
+@pytest.mark.parametrize(("estimator", "n_samples"), [(NEIGHBOURS, 400), (None, 800)], ids=["own", "network"])
+def test_hidden_effects_are_looked_at_first(estimator, n_samples):
     """In errors that it has not seen, each with one of four effects."""
     hidden = draw_plant_scenario(4, 40.0, kind="effect", device="synchronous_machine", least_size=25.0)
     recording, names = hidden.recordings[0], ["stabiliser", "exciter", "lag_P", "offset_Q"]
-    quick = make_pipeline(
-        CWTTransformer(n_frequencies=16, n_columns=32, sampling_period=1 / 120, output="flat"),
-        KNeighborsRegressor(3, weights="distance"),
-    )
-    look = FirstLook(hidden.simulator, names, n_samples=400, estimator=quick, random_state=0).fit(recording)
+    look = FirstLook(hidden.simulator, names, n_samples=n_samples, estimator=estimator, random_state=0)
+    look.fit(recording)
     assert set(look.ranking_) == set(look.names_)
     assert set(look.effects_) == set(names)
     assert look.contributions(recording) == pytest.approx(look.contributions_)
