@@ -42,6 +42,16 @@ def test_what_is_named_reproduces_other_events(records):
     assert np.median(ratios) < 0.2
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["nothing", "effect"])
+def test_in_a_grid_what_is_hidden_is_found_at_its_device_and_nothing_else(kind):
+    record = run_scenario("ieee39", SEED, 0, 40.0, 3.0, kind, max_effects=1)
+    assert record["outcome"] == "correct", (record["truth"], record["verdict"], record["named"])
+    if kind == "effect":
+        assert record["named"][0].partition(".")[0] == record["truth"]["device"]
+        assert record["held_out"]["extended"] < 0.1 * record["held_out"]["recalibrated"]
+
+
 def test_what_no_library_holds_is_unknown_and_placed():
     hidden = draw_plant_scenario(3, 40.0, kind="outside", device="synchronous_machine")
     finder = CauseFinder(hidden.simulator, random_state=0).fit(list(hidden.recordings))
