@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -50,10 +51,11 @@ def diagnose(
     n_starts: int = 4,
     library_size: int = 2048,
     random_state: Any = None,
+    report: Callable[[str], None] | None = None,
 ) -> Diagnosis:
     """Say what a simulation gets wrong, where, and whether its parameters can explain it.
 
-    All parameters are calibrated together; what they leave is tested against noise (`remainder_test`). No effect is
+    All parameters are calibrated together and led to rest; what they leave is tested against noise (`remainder_test`). No effect is
     tried; that is what `CauseFinder` does.
 
     Parameters
@@ -65,6 +67,8 @@ def diagnose(
     n_starts, library_size : int
         Of the calibration, see `MAPCalibrator`.
     random_state : None, int, SeedSequence, Generator or RandomState
+    report : callable, optional
+        Takes lines of text while it works.
 
     Returns
     -------
@@ -93,6 +97,7 @@ def diagnose(
         n_starts=n_starts,
         library_size=library_size,
         random_state=random_state,
+        report=report,
     ).fit(recordings)
     seen = [(o, simulator.baseline(o.event)) for o in as_observations(simulator, recordings)]
     return Diagnosis(

@@ -18,12 +18,18 @@ def test_what_is_wrong_and_where_without_a_search_for_effects():
 
 def test_where_parameters_suffice_nothing_is_left():
     hidden = draw_plant_scenario(1, 40.0, kind="nothing", device="pv_plant")
-    found = diagnose(hidden.simulator, list(hidden.recordings), random_state=0)
+    lines: list[str] = []
+    found = diagnose(hidden.simulator, list(hidden.recordings), random_state=0, report=lines.append)
+    assert lines[0] == "fit without effects"
     assert found.verdict.kind == "parameters"
     assert found.places == ()
     assert found.remainder.p_value > 0.002
 
 
-def test_a_model_that_is_none_is_refused():
+def test_what_cannot_be_used_is_refused():
+    hidden = draw_plant_scenario(1, 40.0, kind="nothing", device="pv_plant")
+    for wrong in ({"report": 1}, {"n_starts": "4"}, {"library_size": -5}):
+        with pytest.raises(InputError, match=next(iter(wrong))):
+            diagnose(hidden.simulator, list(hidden.recordings), **wrong)
     with pytest.raises(InputError, match="an object of a subclass of Simulator"):
         diagnose("a model", [])
