@@ -84,9 +84,9 @@ class Place:
 def rank_places(base: Hypothesis) -> tuple[list[Place], int]:
     """Fit an unknown signal together with all parameters, in turn at each port that has one.
 
-    It is another one in each recording. A fit that has come to rest far above the best is not led to its end (`race`). Signals are compared with detail that
-    their knots are too coarse for (`detailed`). What is left even so tells less about the place than noise would
-    (`probabilities_of`).
+    It is another one in each recording. A fit that has come to rest far above the best is not led to its end (`race`).
+    Signals are compared with detail that their knots are too coarse for (`detailed`). What is left even so tells less
+    about the place than noise would (`probabilities_of`).
 
     Parameters
     ----------

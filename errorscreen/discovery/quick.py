@@ -55,8 +55,8 @@ def diagnose(
 ) -> Diagnosis:
     """Say what a simulation gets wrong, where, and whether its parameters can explain it.
 
-    All parameters are calibrated together and led to rest; what they leave is tested against noise (`remainder_test`). No effect is
-    tried; that is what `CauseFinder` does.
+    All parameters are calibrated together and led to rest; what they leave is tested against noise (`remainder_test`).
+    No effect is tried; that is what `CauseFinder` does.
 
     Parameters
     ----------

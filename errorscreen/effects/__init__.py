@@ -24,8 +24,8 @@ from errorscreen.effects.stabiliser import STABILISER
 from errorscreen.effects.volt_var import VOLT_VAR
 
 #: effects that are compiled into each device, by name of the device; those on one port act in this order, and the draws
-#: of a search go by it too. An unknown signal has its place at ports that add a quantity of their own: what enters before
-#: a port that has one, as at df and Pwi of the wind plant, is a signal there too
+#: of a search go by it too. An unknown signal has its place at ports that add a quantity of their own: what enters
+#: before a port that has one, as at df and Pwi of the wind plant, is a signal there too
 LIBRARY: dict[str, tuple[Effect, ...]] = {
     "synchronous_machine": (
         EXCITER,
