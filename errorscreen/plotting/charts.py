@@ -16,11 +16,15 @@ from errorscreen.observations import Observation
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.collections import QuadMesh
     from matplotlib.figure import Figure
 
+#: Part of an error image: channel, start and stop in seconds, band in hertz.
+Outlined = tuple[str, tuple[float, float], tuple[float, float]]
 #: Colours that stay apart for colour-blind readers (Okabe and Ito); measured values are a wide grey line.
 COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00")
 MEASURED, PALE, GRID = "#8d99a3", "#c3cdd5", "#dddddd"
+OUTLINE = "#ff4040"
 #: Decibels below the largest energy that an error image shows.
 DYNAMIC_RANGE = 40.0
 
@@ -86,6 +90,7 @@ def plot_error_images(
     *,
     event_time: float | None = None,
     cone: ArrayLike | None = None,
+    outlined: Mapping[str, Sequence[Outlined]] | None = None,
 ) -> Figure:
     """Wavelet energy of response errors over time and frequency, one row for each channel.
 
@@ -105,6 +110,9 @@ def plot_error_images(
         Seconds; marked by a line.
     cone : array-like of shape (H,), optional
         Seconds from either end of the record within which a row is marked by that end; veiled.
+    outlined : mapping of str to sequence of (str, (float, float), (float, float)), optional
+        Where the error of an image is more than noise: channel, start and stop in seconds, band in hertz; drawn as far
+        as it lies in the image.
 
     Returns
     -------
@@ -113,7 +121,7 @@ def plot_error_images(
     Raises
     ------
     InputError
-        If shapes do not fit.
+        If shapes do not fit, or something is outlined in an image or channel that there is not.
 
     Examples
     --------
@@ -124,27 +132,27 @@ def plot_error_images(
     f, t = np.asarray(frequencies, dtype=float), np.asarray(times, dtype=float)
     shape = (len(channels), len(f), len(t))
     images = {label: _shaped(e, shape, f"energy {label!r}") for label, e in energies.items()}
+    outlines = _by_panel(outlined or {}, images, channels)
     figure = figure_of(1.3 + 4.1 * len(images), 0.7 + 2.4 * len(channels))
     grid = figure.subplots(len(channels), len(images), sharex=True, sharey=True, squeeze=False)
     for r, channel in enumerate(channels):
         largest = max(float(np.nanmax(image[r])) for image in images.values()) or 1.0
         for axes, (label, image) in zip(grid[r], images.items(), strict=True):
-            level = 10 * np.log10(np.maximum(image[r] / largest, 10 ** (-DYNAMIC_RANGE / 10)))
-            mesh = axes.pcolormesh(
-                t, f, level, cmap="viridis", vmin=-DYNAMIC_RANGE, vmax=0, shading="nearest", rasterized=True
-            )
-            axes.set_yscale("log")
-            axes.set_ylim(f[0], f[-1])
+            mesh = _draw_energy(axes, t, f, image[r] / largest)
             if cone is not None:
                 _shade_cone(axes, t, f, np.asarray(cone, dtype=float))
             if event_time is not None:
                 axes.axvline(event_time, color="white", lw=1.2, ls="--")
+            _outline(axes, outlines.get((label, channel), []))
             axes.set_title(f"{channel}, {label}", fontsize=10)
             axes.tick_params(labelsize=9)
         grid[r][0].set_ylabel("frequency in Hz")
         figure.colorbar(mesh, ax=list(grid[r]), label="energy in dB", pad=0.02)
     for axes in grid[-1]:
         axes.set_xlabel("time in s")
+    drawn = [patch for axes in grid.flat for patch in axes.patches]
+    if drawn:
+        figure.legend(drawn[:1], ["more than noise"], loc="outside upper center", frameon=False, fontsize=9)
     return figure
 
 
@@ -339,6 +347,64 @@ def with_unit(name: str, unit: str) -> str:
 def mark_event(axes: Axes, start: float) -> None:
     """Dotted line at the instant of an event."""
     axes.axvline(start, color="#999999", lw=1.0, ls=":")
+
+
+def _draw_energy(
+    axes: Axes, times: NDArray[Any], frequencies: NDArray[Any], energy: NDArray[Any]
+) -> QuadMesh:
+    """One image of energies (H, W) relative to the largest."""
+    level = 10 * np.log10(np.maximum(energy, 10 ** (-DYNAMIC_RANGE / 10)))
+    mesh = axes.pcolormesh(
+        times,
+        frequencies,
+        level,
+        cmap="viridis",
+        vmin=-DYNAMIC_RANGE,
+        vmax=0,
+        shading="nearest",
+        rasterized=True,
+    )
+    axes.set_yscale("log")
+    axes.set_ylim(frequencies[0], frequencies[-1])
+    return mesh
+
+
+def _by_panel(
+    outlined: Mapping[str, Sequence[Outlined]], labels: Collection[str], channels: Sequence[str]
+) -> dict[tuple[str, str], list[Outlined]]:
+    """What is outlined in each image, by its label and channel."""
+    panels: dict[tuple[str, str], list[Outlined]] = {}
+    for label, cells in outlined.items():
+        for cell in cells:
+            if label not in labels or cell[0] not in channels:
+                raise InputError(
+                    f"there is no image {label!r} of a channel {cell[0]!r}",
+                    where="plot_error_images, outlined",
+                    allowed=f"images {', '.join(labels)}; channels {', '.join(channels)}",
+                )
+            panels.setdefault((label, cell[0]), []).append(cell)
+    return panels
+
+
+def _outline(axes: Axes, cells: Sequence[Outlined]) -> None:
+    """Edges of cells as far as they lie in the axes, each apart from those beside it."""
+    from matplotlib.patches import Rectangle
+
+    (first, last), (lowest, highest) = axes.get_xlim(), axes.get_ylim()
+    for _, (start, stop), (low, high) in cells:
+        start, stop, low, high = max(start, first), min(stop, last), max(low, lowest), min(high, highest)
+        if start < stop and low < high:
+            left, right = _inset(start, stop, 0.004 * (last - first))
+            span = _inset(np.log(low), np.log(high), 0.008 * np.log(highest / lowest))
+            bottom, top = np.exp(span)
+            sides = (right - left, top - bottom)
+            axes.add_patch(Rectangle((left, bottom), *sides, fill=False, edgecolor=OUTLINE, lw=1.2))
+
+
+def _inset(low: float, high: float, gap: float) -> tuple[float, float]:
+    """Range without a gap at both ends, which leaves most of a short one."""
+    gap = min(gap, 0.2 * (high - low))
+    return low + gap, high - gap
 
 
 def _shade_cone(axes: Axes, times: NDArray[Any], frequencies: NDArray[Any], cone: NDArray[Any]) -> None:

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
+from errorscreen.discovery import Cell, remainder_test
+from errorscreen.discovery.diagnosis import stage_limits, stage_names
+from errorscreen.exceptions import InputError
 from errorscreen.features import CWTTransformer
+from errorscreen.observations import Observation
 from errorscreen.plotting import (
     plot_error_images,
     plot_intervals,
@@ -14,6 +20,7 @@ from errorscreen.plotting import (
     plot_responses,
     plot_waveform,
 )
+from errorscreen.plotting.charts import Outlined
 from errorscreen.report import ReportFigure
 from errorscreen.report.parts import Role
 from errorscreen.workflow.study import Calibrated, Discovered, Outcome
@@ -68,10 +75,11 @@ def _error_image(outcome: Outcome) -> ReportFigure:
         precision=15,
     )
     images = cwt.fit_transform(np.array(list(errors.values())))
+    cells = {k: _cells(observation, y, outcome.study.run.random_state) for k, y in responses.items()}
     return ReportFigure(
         "errors",
         f"{observation.event.name}: energy of the error over time and frequency. The dashed line marks the event, the "
-        "pale parts what the ends of the record distort.",
+        f"pale parts what the ends of the record distort.{_outlines_told(cells)}",
         plot_error_images(
             dict(zip(errors, images, strict=True)),
             cwt.frequencies_,
@@ -79,7 +87,40 @@ def _error_image(outcome: Outcome) -> ReportFigure:
             observation.channels,
             event_time=observation.event.start,
             cone=cwt.cone_of_influence_,
+            outlined={k: _outlined(observation, every) for k, every in cells.items()},
         ),
+    )
+
+
+def _cells(observation: Observation, responses: NDArray[np.float64], random_state: int) -> tuple[Cell, ...]:
+    """Error of a response by channel, stage and band; none where too little was measured.
+
+    Noise that fitted parameters took with them is not counted, so of what a calibration leaves rather less is
+    significant.
+    """
+    try:
+        z = observation.deviations(responses)[observation.mask]
+        return remainder_test([observation], z, random_state=random_state).cells
+    except InputError:  # the picture says something all the same
+        return ()
+
+
+def _outlined(observation: Observation, cells: Sequence[Cell]) -> list[Outlined]:
+    """Where the significant ones of some cells lie."""
+    spans = dict(zip(stage_names(observation), pairwise(stage_limits(observation).tolist()), strict=True))
+    return [(cell.channel, spans[cell.stage], cell.band) for cell in cells if cell.significant]
+
+
+def _outlines_told(cells: Mapping[str, Sequence[Cell]]) -> str:
+    """What is outlined, for the caption; empty where nothing could be tested."""
+    if not all(cells.values()):
+        return ""
+    counts = (
+        f"{sum(c.significant for c in every)} of {len(every)} {label}" for label, every in cells.items()
+    )
+    return (
+        " Outlined: stages of the event and frequency bands in which the error is more than noise, at most about "
+        f"5 % of them by chance; {', '.join(counts)}."
     )
 
 

@@ -65,6 +65,30 @@ def test_error_images_share_the_scale_of_a_channel():
     assert any(list(line.get_xdata()) == [1.0, 1.0] for line in first.lines)
 
 
+def test_what_is_more_than_noise_is_outlined_within_the_image():
+    frequencies, times = np.geomspace(0.5, 8, 5), np.linspace(0, 4, 10)
+    cells = [
+        ("P", (1.0, 1.5), (1.0, 2.0)),
+        ("P", (2.0, 9.0), (2.0, np.inf)),
+        ("P", (2.0, 4.0), (0.0, 0.4)),  # below all that is shown
+        ("Q", (1.0, 1.1), (0.0, 1.0)),
+    ]
+    images = {"before": np.ones((2, 5, 10)), "after": np.ones((2, 5, 10))}
+    figure = drawn(
+        plotting.plot_error_images(images, frequencies, times, ("P", "Q"), outlined={"before": cells})
+    )
+    panels = {axes.get_title(): axes for axes in figure.axes if axes.get_title()}
+    assert {k: len(axes.patches) for k, axes in panels.items()} == {
+        "P, before": 2, "P, after": 0, "Q, before": 1, "Q, after": 0,
+    }  # fmt: skip
+    inner, cut = (patch.get_bbox() for patch in panels["P, before"].patches)
+    np.testing.assert_allclose(inner.extents, [1.0, 1.0, 1.5, 2.0], atol=0.05)
+    np.testing.assert_allclose(cut.extents, [2.0, 2.0, panels["P, before"].get_xlim()[1], 8.0], atol=0.2)
+    assert inner.y1 < 2.0 < cut.y0  # so that it shows which ones beside each other are meant
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["more than noise"]
+    assert not plotting.plot_error_images(images, frequencies, times, ("P", "Q")).legends
+
+
 def test_an_error_of_zero_can_be_drawn():
     drawn(plotting.plot_error_images({"after": np.zeros((1, 4, 6))}, [1, 2, 4, 8], np.arange(6.0), ["P"]))
 
@@ -114,6 +138,12 @@ def test_intervals_are_relative_to_nominal():
         (
             lambda: plotting.plot_error_images({"a": np.zeros((1, 2, 2))}, [1, 2], [0, 1, 2], ["P"]),
             "energy 'a'",
+        ),
+        (
+            lambda: plotting.plot_error_images(
+                {"a": np.zeros((1, 2, 3))}, [1, 2], [0, 1, 2], ["P"], outlined={"a": [("U", (0, 1), (1, 2))]}
+            ),
+            "there is no image 'a' of a channel 'U'",
         ),
         (lambda: plotting.plot_rankings({}), "there is no screener"),
         (
