@@ -64,7 +64,7 @@ def main(out, case="ieee39", scenarios=None, seed=None, jobs=JOBS):
     folder = Path(out) / f"{case}-{seed}"
     folder.mkdir(parents=True, exist_ok=True)
     missing = [i for i in range(scenarios) if not (folder / f"{i}.json").exists()]
-    found = search_all(case, seed, missing, NOISE_DB, LEAST_SIZE, jobs, kind="outside", max_effects=0)
+    found = search_all(case, seed, missing, NOISE_DB, LEAST_SIZE, jobs, kinds=("outside",), max_effects=0)
     for row in tqdm(found, total=len(missing), desc="scenarios"):
         write_text_atomic(folder / f"{row['number']}.json", json.dumps(row))
     rows = [json.loads((folder / f"{i}.json").read_text(encoding="utf-8")) for i in range(scenarios)]

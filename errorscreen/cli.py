@@ -179,6 +179,12 @@ def _parser() -> argparse.ArgumentParser:
         default=3.0,
         help="least part of an effect that survives a refit, in multiples of the noise (default 3)",
     )
+    found.add_argument(
+        "--largest-size",
+        type=float,
+        default=None,
+        help="scale effects to sizes drawn between the two, evenly by order of magnitude (default: as drawn)",
+    )
     found.add_argument("--jobs", type=int, default=-1, help="processes (default: one for each core)")
     found.set_defaults(command=_bench_discovery, default_out="errorscreen-discovery", interrupted=resumable)
     elsewhere = {run: "CASE-results here", diagnose: "CASE-diagnosis here"}
@@ -287,6 +293,7 @@ def _bench_discovery(options: argparse.Namespace, out: str) -> None:
             seed=options.seed,
             noise_db=options.noise_db,
             least_size=options.least_size,
+            largest_size=options.largest_size,
             n_jobs=options.jobs,
             progress=show,
         )

@@ -61,6 +61,8 @@ def discovery_study(
     seed: int = 0,
     noise_db: float = 40.0,
     least_size: float = LEAST_SIZE,
+    largest_size: float | None = None,
+    kinds: Sequence[str] | None = None,
     n_jobs: int | None = None,
     progress: bool = False,
 ) -> dict[str, Any]:
@@ -86,6 +88,11 @@ def discovery_study(
         Level of each channel's deviation from its value before the event over that of the noise, both rms.
     least_size : float
         Least part of a hidden effect that survives a refit of the parameters, in multiples of the noise.
+    largest_size : float, optional
+        Where given, strengths of effects are scaled to sizes drawn between the two, evenly by order of magnitude;
+        not of traps.
+    kinds : sequence of str, optional
+        What the scenarios hide, in turn, in place of the shares of the case.
     n_jobs : int, optional
         Processes that share the scenarios; the result does not depend on it, times do.
     progress : bool
@@ -113,21 +120,33 @@ def discovery_study(
     seed = check_integer(seed, "the seed", low=0, high=2**32 - 1)
     noise_db = check_real(noise_db, "noise_db", low=0.0, high=100.0)
     least_size = check_real(least_size, "the least size", low=0.0)
+    if largest_size is not None:
+        largest_size = check_real(largest_size, "the largest size", low=0.0)
+        if case == "traps" or not 0 < least_size < largest_size:
+            raise InputError(
+                f"sizes from {least_size:g} to {largest_size:g} times the noise in case {case}",
+                allowed="0 < least size < largest size, and a case other than traps",
+            )
+    _, mix = CASES[case]
+    for kind in kinds or ():
+        if kind not in dict(mix):
+            raise unknown_name(kind, dict(mix), kind="kind", where="kinds")
     if n_jobs == 0:
         raise InputError("the number of jobs is 0", allowed="None, a positive number, or -1 for all cores")
     started = perf_counter()
-    _, mix = CASES[case]
     fingerprint = {
         "program": program(),
         "case": digest(case),
-        "seed, noise and size": digest(seed, noise_db, least_size),
-        "mix": digest(mix),
+        "seed, noise and size": digest(seed, noise_db, least_size, largest_size),
+        "mix": digest(mix, kinds),
     }
     store = Checkpoint(Path(out) / "stages", fingerprint)
     records = {i: _unpack(found) for i, found in store.load(range(scenarios)).items()}
     report(f"{scenarios} scenarios" + (f", {len(records)} of them finished before" if records else ""))
     missing = [i for i in range(scenarios) if i not in records]
-    finished = search_all(case, seed, missing, noise_db, least_size, n_jobs)
+    finished = search_all(
+        case, seed, missing, noise_db, least_size, n_jobs, kinds=kinds, largest_size=largest_size
+    )
     with tqdm(total=scenarios, initial=len(records), desc="scenarios", disable=not progress) as bar:
         for record in finished:
             i = record["number"]
@@ -137,6 +156,8 @@ def discovery_study(
     rows = [records[i] for i in range(scenarios)]
     result = {
         **result_of(rows, case=case, seed=seed, noise_db=noise_db, least_size=least_size),
+        "largest_size": largest_size,
+        "mix": dict(mix) if kinds is None else {k: list(kinds).count(k) / len(kinds) for k in kinds},
         "seconds": perf_counter() - started,
         "machine": machine(),
     }
@@ -177,14 +198,19 @@ def search_all(
     noise_db: float,
     least_size: float,
     n_jobs: int | None = None,
+    *,
+    kinds: Sequence[str] | None = None,
     **options: Any,
 ) -> Iterator[_Record]:
-    """Search some scenarios side by side, see `run_scenario`.
+    """Search some scenarios side by side, see `run_scenario`; their kinds in turn, or as drawn.
 
     They come in whatever order they finish: a long one must not keep others from being stored.
     """
     found: Iterator[_Record] = Parallel(n_jobs=n_jobs, return_as="generator_unordered")(
-        delayed(run_scenario)(case, seed, i, noise_db, least_size, **options) for i in numbers
+        delayed(run_scenario)(
+            case, seed, i, noise_db, least_size, kinds[i % len(kinds)] if kinds else None, **options
+        )
+        for i in numbers
     )
     return found
 
@@ -196,6 +222,8 @@ def run_scenario(
     noise_db: float,
     least_size: float,
     kind: str | None = None,
+    *,
+    largest_size: float | None = None,
     max_effects: int = 2,
 ) -> _Record:
     """Draw one scenario, of a kind if it is given, search it, and judge what was found."""
@@ -203,7 +231,10 @@ def run_scenario(
     with warnings.catch_warnings():  # of recordings that look odd, which is meant
         warnings.simplefilter("ignore", DataWarning)
         draw, _ = CASES[case]
-        hidden = draw(streams[0], noise_db, kind=kind, least_size=least_size)
+        sizes = {"least_size": least_size}
+        if largest_size is not None:
+            sizes["largest_size"] = largest_size
+        hidden = draw(streams[0], noise_db, kind=kind, **sizes)
         started = perf_counter()
         search_seed = int(streams[1].generate_state(1)[0])
         finder = CauseFinder(hidden.simulator, max_effects=max_effects, random_state=search_seed)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from errorscreen.bench.discovery_rates import rate_of
 from errorscreen.persistence import write_json_atomic, write_text_atomic
 from errorscreen.plotting.charts import COLOURS, figure_of
 
@@ -28,9 +29,9 @@ _RATES = {
     "both_wrong": "two effects hidden: something named that is not there",
 }
 #: limits of the sizes over which the power curve is drawn, in multiples of the noise
-_SIZES = (0.0, 1.0, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0, np.inf)
+_SIZES = (0.0, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0, np.inf)
 #: sizes that may be told at its axis
-_TICKS = (0.3, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0)
+_TICKS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0)
 #: outcomes of scenarios that hide something, see `discovery_study`
 _OUTCOMES = ("correct", "wrong", "unknown", "missed")
 _DPI = 150
@@ -100,7 +101,7 @@ def tables(result: dict[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def by_size(result: dict[str, Any]) -> list[dict[str, float]]:
+def by_size(result: dict[str, Any]) -> list[dict[str, Any]]:
     """Outcomes of single effects and measurement faults by the size of what is hidden.
 
     Parameters
@@ -112,27 +113,34 @@ def by_size(result: dict[str, Any]) -> list[dict[str, float]]:
     -------
     list of dict
         ``low`` and ``high``, limits of the size in multiples of the noise, its ``median``, ``n`` and the shares
-        ``correct``, ``wrong``, ``unknown`` and ``missed``.
+        ``correct``, ``wrong``, ``unknown`` and ``missed``, each as `rate_of` gives it.
     """
     rows = [r for r in result["scenarios"] if r["truth"]["kind"] in ("effect", "other form", "measurement")]
     found = []
     for low, high in pairwise(_SIZES):
         inside = [r for r in rows if low <= r["truth"]["size"] < high]
         if inside:
-            shares = {name: float(np.mean([r["outcome"] == name for r in inside])) for name in _OUTCOMES}
+            shares = {name: rate_of([r["outcome"] == name for r in inside]) for name in _OUTCOMES}
             median = float(np.median([r["truth"]["size"] for r in inside]))
             found.append({"low": low, "high": high, "median": median, "n": len(inside), **shares})
     return found
 
 
 def power_figure(*results: dict[str, Any]) -> Figure:
-    """Share of effects named rightly over their size, a line for each result: they differ in the noise."""
+    """Share of effects named rightly over their size, a line for each result: they differ in the noise.
+
+    Bars are exact binomial 95 % intervals.
+    """
     figure = figure_of(6.0, 4.0)
     axes = figure.subplots()
     for result, color in zip(results, cycle(COLOURS[1:]), strict=False):
         bins = by_size(result)
-        at, shares = [b["median"] for b in bins], [b["correct"] for b in bins]
-        axes.plot(at, shares, "o-", color=color, label=f"{result['noise_db']:g} dB")
+        at, shares = [b["median"] for b in bins], [b["correct"]["value"] for b in bins]
+        low, high = np.array([b["correct"]["interval"] for b in bins]).reshape(-1, 2).T
+        axes.errorbar(
+            at, shares, (shares - low, high - shares), fmt="o-", color=color, elinewidth=0.8, capsize=2,
+            label=f"{result['noise_db']:g} dB",
+        )  # fmt: skip
         if len(results) == 1:
             for x, y, b in zip(at, shares, bins, strict=True):
                 axes.annotate(

@@ -24,12 +24,7 @@ def summarise(rows: Sequence[_Record]) -> dict[str, Any]:
     nothing = [r for r in rows if r["truth"]["kind"] == "nothing"]
 
     def rate(chosen: Sequence[_Record], holds: Callable[[_Record], bool]) -> dict[str, Any]:
-        hits = np.array([holds(r) for r in chosen], dtype=float)
-        if not len(hits):
-            return {"value": None, "interval": None, "n": 0}
-        # exact: a bootstrap of rates of 0 or 1 has no width
-        interval = binomtest(int(hits.sum()), len(hits)).proportion_ci(_LEVEL)
-        return {"value": float(hits.mean()), "interval": [interval.low, interval.high], "n": len(hits)}
+        return rate_of([holds(r) for r in chosen])
 
     rates = {
         "correct": rate(single, lambda r: r["outcome"] == "correct"),
@@ -74,6 +69,25 @@ def summarise(rows: Sequence[_Record]) -> dict[str, Any]:
         "seconds_max": float(max(r["seconds"] for r in rows)),
         "simulations_median": float(np.median([r["simulations"] for r in rows])),
     }
+
+
+def rate_of(hits: Sequence[bool]) -> dict[str, Any]:
+    """How often something holds: ``value``, exact binomial 95 % ``interval``, and ``n``; of none, no value.
+
+    Parameters
+    ----------
+    hits : sequence of bool
+
+    Examples
+    --------
+    >>> rate_of([True, True, False, True])["value"]
+    0.75
+    """
+    if not hits:
+        return {"value": None, "interval": None, "n": 0}
+    # exact: a bootstrap of rates of 0 or 1 has no width
+    interval = binomtest(sum(hits), len(hits)).proportion_ci(_LEVEL)
+    return {"value": float(np.mean(hits)), "interval": [interval.low, interval.high], "n": len(hits)}
 
 
 def _device(record: _Record) -> str | None:

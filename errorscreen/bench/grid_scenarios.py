@@ -44,6 +44,7 @@ def draw_grid_scenario(
     kind: str | None = None,
     device: str | None = None,
     least_size: float = LEAST_SIZE,
+    largest_size: float | None = None,
 ) -> Scenario:
     """Draw one scenario; three events are fitted, those of the case study, and all others held out.
 
@@ -56,6 +57,8 @@ def draw_grid_scenario(
         Drawn where not given; `device` is where the first effect is hidden.
     least_size : float
         Effects whose size is less are drawn again.
+    largest_size : float, optional
+        Where given, strengths are scaled to sizes drawn between the two, evenly by order of magnitude.
     """
     rng = np.random.default_rng(seed)
     drawn = draw_kind(rng)
@@ -63,7 +66,7 @@ def draw_grid_scenario(
     setup = _setup()
     lower, upper = setup.truth.parameters.bounds.T
     theta = rng.uniform(lower, upper)
-    return draw_scenario(setup, rng, kind, device, theta, noise_db, least_size)
+    return draw_scenario(setup, rng, kind, device, theta, noise_db, least_size, largest_size)
 
 
 @cache

@@ -91,6 +91,7 @@ def draw_plant_scenario(
     kind: str | None = None,
     device: str | None = None,
     least_size: float = LEAST_SIZE,
+    largest_size: float | None = None,
 ) -> Scenario:
     """Draw one scenario.
 
@@ -103,13 +104,15 @@ def draw_plant_scenario(
         Drawn where not given.
     least_size : float
         Effects whose size is less are drawn again.
+    largest_size : float, optional
+        Where given, strengths are scaled to sizes drawn between the two, evenly by order of magnitude.
     """
     rng = np.random.default_rng(seed)
     drawn_kind, drawn_device = draw_kind(rng), str(rng.choice(list(DEVICES)))
     kind, device = kind or drawn_kind, device or drawn_device
     space = DEVICES[device].candidates
     theta = space.nominal * rng.uniform(0.75, 1.25, len(space))
-    return draw_scenario(_setup(device), rng, kind, device, theta, noise_db, least_size)
+    return draw_scenario(_setup(device), rng, kind, device, theta, noise_db, least_size, largest_size)
 
 
 @cache

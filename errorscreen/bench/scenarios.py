@@ -34,8 +34,12 @@ HELD = ("effect", "two effects", "measurement")
 LEAST_SIZE = 3.0
 #: draws of an effect until one is large enough
 TRIES = 200
+#: how near a size is brought to the one that was drawn for it, as a factor, and in how many steps at most
+_NEAR, _SCALINGS = 1.1, 15
 
 _Array = NDArray[np.float64]
+#: observations of all events, the simulator to fit, responses without noise, and sizes of the effects
+_Recorded = tuple[list[Observation], Simulator, list[_Array], list[float]]
 
 
 @dataclass(frozen=True)
@@ -151,8 +155,12 @@ def draw_scenario(
     theta: _Array,
     noise_db: float,
     least: float,
+    largest: float | None = None,
 ) -> Scenario:
     """Draw what is hidden until each effect's own part is at least `least` times the noise, and record it.
+
+    With `largest`, a size between the two is drawn for each effect, evenly by order of magnitude, and its strength is
+    brought to it.
 
     Parameters
     ----------
@@ -165,31 +173,35 @@ def draw_scenario(
     theta : ndarray of shape (m,)
         Hidden parameters.
     noise_db, least : float
+    largest : float, optional
+
+    Raises
+    ------
+    InputError
+        If the kind is not known, `largest` is not above `least` and positive, or no effect drawn is large enough.
     """
     if kind not in dict(MIX):
         raise unknown_name(kind, dict(MIX), kind="kind")
+    if largest is not None and not 0 < least < largest:
+        raise InputError(
+            f"sizes from {least:g} to {largest:g} times the noise", allowed="0 < least size < largest size"
+        )
     for _ in range(TRIES):
         effects, right = _happened(*setup.hide(kind, device, rng), setup, rng)
-        own = [draw_values(effect, rng) for effect in effects]
-        truth = setup.truth
-        for effect in effects:
-            truth = truth.extend(effect)
-        values = np.concatenate([theta, *own])
-        clean = [truth.simulate(values, e) for e in setup.events]
-        if not all(r.ok.all() for r in clean):
+        own: Sequence[_Array] = [draw_values(effect, rng) for effect in effects]
+        hidden = _Hidden(setup, effects, theta)
+        responses = hidden.responses(own)
+        if responses is None:
             continue
-        responses = [r.values[0][:, :: setup.every] for r in clean]
-        try:
-            observations, simulator = setup.record(
-                [r.values[0] for r in clean], noise_db, int(rng.integers(2**32))
-            )
-        except InputError:  # it moves before the event: no such record is accepted
+        noise = (noise_db, int(rng.integers(2**32)))
+        recorded = hidden.record(own, responses, noise)
+        if effects and recorded is not None and largest is not None:
+            aims = np.exp(rng.uniform(np.log(least), np.log(largest), len(effects)))
+            own, recorded = hidden.scale(own, recorded, noise, aims)
+        if recorded is None:
             continue
+        observations, simulator, responses, sizes = recorded
         n = setup.n_fit
-        try:
-            sizes = _sizes(setup, truth, simulator, effects, theta, own, observations[:n], responses[:n])
-        except SimulationError:  # what cannot be simulated without an effect says nothing about its size
-            continue
         if effects and not min(sizes) >= least:
             continue
         where = (effects[0].device or device or effects[0].kind) if effects else device or ""
@@ -214,31 +226,106 @@ def draw_scenario(
     )
 
 
-def _sizes(
-    setup: Setup,
-    truth: Simulator,
-    simulator: Simulator,
-    effects: Sequence[Effect],
-    theta: _Array,
-    own: Sequence[_Array],
-    observations: Sequence[Observation],
-    responses: Sequence[_Array],
-) -> list[float]:
-    """Size of each effect, with the others as they are, see `surviving`."""
-    values, sizes = np.concatenate([theta, *own]), []
-    for k in range(len(effects)):
-        without = values.copy()
-        without[len(theta) + sum(map(len, own[:k]))] = 0.0
-        change = []
-        for event, response in zip(setup.events[: setup.n_fit], responses, strict=True):
-            found = truth.simulate(without, event).require_ok("the truth without an effect")
-            change.append(response - found.values[0][:, :: setup.every])
-        beside, known = simulator, [theta]  # the parameters of the other effects can make up for it too
-        for j, effect in enumerate(effects):
-            if j != k:
-                beside, known = beside.extend(effect), [*known, own[j]]
-        sizes.append(surviving(beside, np.concatenate(known), observations, change))
-    return sizes
+class _Hidden:
+    """Effects that are hidden in a model with some parameters.
+
+    Parameters
+    ----------
+    setup : Setup
+    effects : sequence of Effect
+    theta : ndarray of shape (m,)
+    """
+
+    def __init__(self, setup: Setup, effects: Sequence[Effect], theta: _Array) -> None:
+        self.setup, self.effects, self.theta = setup, effects, theta
+        self.truth = setup.truth
+        for effect in effects:
+            self.truth = self.truth.extend(effect)
+
+    def responses(self, own: Sequence[_Array]) -> list[_Array] | None:
+        """To all events, with some parameters of the effects; none where they cannot be simulated."""
+        values = np.concatenate([self.theta, *own])
+        found = [self.truth.simulate(values, event) for event in self.setup.events]
+        return [r.values[0] for r in found] if all(r.ok.all() for r in found) else None
+
+    def record(
+        self, own: Sequence[_Array], responses: list[_Array], noise: tuple[float, int]
+    ) -> _Recorded | None:
+        """What is recorded of responses, with noise of a level in dB and a seed; none where nobody would accept it."""
+        try:
+            observations, simulator = self.setup.record(responses, *noise)
+        except InputError:  # it moves before the event: no such record is accepted
+            return None
+        sampled = [r[:, :: self.setup.every] for r in responses]
+        try:
+            sizes = self._sizes(own, simulator, observations, sampled)
+        except SimulationError:  # what cannot be simulated without an effect says nothing about its size
+            return None
+        return observations, simulator, sampled, sizes
+
+    def scale(
+        self, own: Sequence[_Array], recorded: _Recorded, noise: tuple[float, int], aims: _Array
+    ) -> tuple[Sequence[_Array], _Recorded | None]:
+        """Parameters by which effects have the sizes `aims`, and what is recorded then; none where they cannot.
+
+        A size is proportional to a small strength of most effects. Others, which act beyond a threshold only, are
+        bracketed.
+        """
+        below, above = np.zeros(len(aims)), np.full(len(aims), np.inf)
+        for _ in range(_SCALINGS):
+            sizes = np.array(recorded[-1])
+            if np.all(np.abs(np.log(np.maximum(sizes, 1e-300) / aims)) <= np.log(_NEAR)):
+                return own, recorded
+            strengths = np.array([abs(values[0]) for values in own])
+            below = np.where(sizes < aims, strengths, below)
+            above = np.where(sizes < aims, above, strengths)
+            own = [
+                np.array([np.sign(values[0]) * _between(*known), *values[1:]])
+                for values, known in zip(
+                    own, np.transpose([strengths, sizes, aims, below, above]), strict=True
+                )
+            ]
+            inside = [
+                e.parameters[0].lower <= values[0] <= e.parameters[0].upper
+                for e, values in zip(self.effects, own, strict=True)
+            ]
+            responses = self.responses(own) if all(inside) else None
+            found = None if responses is None else self.record(own, responses, noise)
+            if found is None:
+                break
+            recorded = found
+        return own, None
+
+    def _sizes(
+        self,
+        own: Sequence[_Array],
+        simulator: Simulator,
+        observations: Sequence[Observation],
+        responses: Sequence[_Array],
+    ) -> list[float]:
+        """Size of each effect, with the others as they are, see `surviving`."""
+        n = self.setup.n_fit
+        values, sizes = np.concatenate([self.theta, *own]), []
+        for k in range(len(self.effects)):
+            without = values.copy()
+            without[len(self.theta) + sum(map(len, own[:k]))] = 0.0
+            change = []
+            for event, response in zip(self.setup.events[:n], responses[:n], strict=True):
+                found = self.truth.simulate(without, event).require_ok("the truth without an effect")
+                change.append(response - found.values[0][:, :: self.setup.every])
+            beside, known = simulator, [self.theta]  # parameters of the other effects can make up for it too
+            for j, effect in enumerate(self.effects):
+                if j != k:
+                    beside, known = beside.extend(effect), [*known, own[j]]
+            sizes.append(surviving(beside, np.concatenate(known), observations[:n], change))
+        return sizes
+
+
+def _between(strength: float, size: float, aim: float, below: float, above: float) -> float:
+    """Next strength to try: proportional if that is between two whose sizes are below and above `aim`."""
+    if size > 0 and below < strength * aim / size < above:
+        return strength * aim / size
+    return float(np.sqrt(below * above)) if below > 0 else 0.1 * above
 
 
 def _happened(

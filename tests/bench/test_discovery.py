@@ -84,6 +84,42 @@ def test_effects_below_the_noise_cannot_be_hidden(monkeypatch):
         draw_plant_scenario(0, 40.0, kind="measurement", device="pv_plant", least_size=1e9)
 
 
+@pytest.mark.parametrize(
+    ("draw", "seed", "kind", "device"),
+    [
+        (draw_plant_scenario, 1, "effect", "synchronous_machine"),
+        (draw_plant_scenario, 4, "two effects", "pv_plant"),
+        (draw_plant_scenario, 1, "other form", "dfig_plant"),
+        (draw_grid_scenario, 1, "measurement", None),
+    ],
+)
+def test_strengths_are_scaled_to_a_size(draw, seed, kind, device):
+    as_drawn = draw(seed, 30.0, kind=kind, device=device, least_size=0.0)
+    hidden = draw(seed, 30.0, kind=kind, device=device, least_size=0.1, largest_size=0.2)
+    assert as_drawn.size > 0.3
+    assert 0.1 <= hidden.size <= 0.22
+    assert hidden.hidden == as_drawn.hidden
+    assert np.array_equal(hidden.theta, as_drawn.theta)
+    changed = hidden.values != as_drawn.values
+    assert np.count_nonzero(changed) == len(hidden.hidden)  # nothing but strengths
+    assert np.all(np.abs(hidden.values[changed]) < np.abs(as_drawn.values[changed]))
+
+
+def test_a_larger_size_needs_a_larger_strength():
+    options = {"kind": "effect", "device": "pv_plant"}
+    sizes = [(0.2, 0.21), (0.4, 0.42), (0.8, 0.84)]
+    drawn = [draw_plant_scenario(2, 30.0, **options, least_size=a, largest_size=b) for a, b in sizes]
+    strengths = np.abs([d.values[0] for d in drawn])
+    assert np.all(np.diff(strengths) > 0)
+    assert len({d.hidden for d in drawn}) == 1
+
+
+@pytest.mark.parametrize("sizes", [(0.0, 1.0), (1.0, 1.0), (2.0, 1.0)])
+def test_sizes_are_drawn_from_a_range(sizes):
+    with pytest.raises(InputError, match="0 < least size < largest size"):
+        draw_plant_scenario(0, 40.0, least_size=sizes[0], largest_size=sizes[1])
+
+
 def record(kind, outcome, probability=0.9, top=True, size=5.0, **more):
     truth = {"kind": kind, "device": "pv_plant", "hidden": ["a"], "right": ["a"], "place": "Pm", "size": size}
     held_out = {"baseline": 20.0, "recalibrated": 10.0, "extended": 1.0, "true_structure": 0.8}
@@ -118,13 +154,39 @@ def test_outcomes_by_size():
     result = {"case": "plant", "noise_db": 40.0, "scenarios": rows}
     small, large = by_size(result)
     assert (small["low"], small["high"], small["median"], small["n"]) == (3.0, 5.0, 3.5, 2)
-    assert (small["correct"], small["unknown"], small["wrong"], small["missed"]) == (0.5, 0.5, 0.0, 0.0)
-    assert (large["low"], large["n"], large["correct"]) == (50.0, 1, 1.0)
+    assert [small[name]["value"] for name in ("correct", "unknown", "wrong", "missed")] == [
+        0.5,
+        0.5,
+        0.0,
+        0.0,
+    ]
+    assert (large["low"], large["n"], large["correct"]["value"]) == (50.0, 1, 1.0)
+    # the exact interval of 1 of 1 ends where the probability of a hit is 2.5 %
+    assert np.allclose(large["correct"]["interval"], [0.025, 1.0])
     axes = power_figure(result, {**result, "noise_db": 20.0, "scenarios": rows[:1]}).axes[0]
-    assert [line.get_label() for line in axes.lines] == ["40 dB", "20 dB"]
-    assert np.array_equal(axes.lines[0].get_xydata(), [[3.5, 0.5], [60.0, 1.0]])
+    assert [bars.get_label() for bars in axes.containers] == ["40 dB", "20 dB"]
+    line, _, (bars,) = axes.containers[0].lines
+    assert np.array_equal(line.get_xydata(), [[3.5, 0.5], [60.0, 1.0]])
+    ends = [segment[:, 1] for segment in bars.get_segments()]
+    assert np.allclose(ends, [b["correct"]["interval"] for b in (small, large)])
     assert len(power_figure(result).axes[0].texts) == 2  # how many scenarios each point stands for
-    assert len(power_figure(*[result] * 9).axes[0].lines) == 9
+    assert len(power_figure(*[result] * 9).axes[0].containers) == 9
+
+
+def test_a_study_of_some_kinds_and_sizes(tmp_path):
+    kinds = ("measurement", "nothing")
+    options = {"seed": 5, "least_size": 0.02, "largest_size": 0.03, "kinds": kinds, "noise_db": 20.0}
+    result = discovery_study(tmp_path, lambda text: None, scenarios=2, n_jobs=1, **options)
+    assert [r["truth"]["kind"] for r in result["scenarios"]] == list(kinds)
+    assert result["mix"] == {"measurement": 0.5, "nothing": 0.5}
+    assert (result["least_size"], result["largest_size"]) == (0.02, 0.03)
+    first, _ = result["scenarios"]
+    assert 0.02 <= first["truth"]["size"] <= 0.033
+    assert first["outcome"] == "missed"  # a change far below the noise is not reported
+    with pytest.raises(InputError, match="belongs to another run"):
+        discovery_study(
+            tmp_path, lambda text: None, scenarios=2, n_jobs=1, **{**options, "largest_size": 0.04}
+        )
 
 
 def test_a_study_goes_on_where_it_stopped(tmp_path, capsys):
@@ -151,6 +213,9 @@ def test_a_study_goes_on_where_it_stopped(tmp_path, capsys):
         ({"scenarios": 0}, "the number of scenarios"),
         ({"noise_db": 200.0}, "noise_db"),
         ({"least_size": -1.0}, "the least size"),
+        ({"largest_size": 3.0}, "0 < least size < largest size"),
+        ({"largest_size": 9.0, "case": "traps"}, "a case other than traps"),
+        ({"kinds": ("efect",)}, r"unknown kind 'efect' \(did you mean 'effect'"),
         ({"n_jobs": 0}, "the number of jobs is 0"),
     ],
 )

@@ -1,0 +1,63 @@
+"""What noise does to pairs, to effects outside of the library and where nothing is hidden: renews its docs table.
+
+``python benchmarks/discovery_noise.py OUT [CASE [SCENARIOS [SEED [JOBS]]]]``: so many hidden scenarios at each noise
+level, with effects down to a third of the noise. What is finished stays in OUT; the same call, also one with more
+scenarios, goes on from there. Single effects by their size: ``discovery_curves.py``.
+"""
+
+import sys
+from pathlib import Path
+
+from errorscreen.bench import discovery_study
+from errorscreen.persistence import write_text_atomic
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+LEVELS = (40.0, 30.0, 20.0)
+#: scenarios at each level, and seed, of the tables in the docs
+STUDIES = {"plant": (40, 227), "ieee39": (24, 239)}
+JOBS, LEAST_SIZE = 2, 0.3
+COLUMNS = {
+    "nothing hidden: something reported": "false_alarm",
+    "one effect or fault: named rightly": "correct",
+    "two effects: both named": "both_found",
+    "outside: unknown": "outside_unknown",
+    "outside: right port": "outside_port",
+}
+
+
+def table(results):
+    """Markdown table of outcomes by noise."""
+    lines = [f"| noise | {' | '.join(COLUMNS)} |", "|---" * (len(COLUMNS) + 1) + "|"]
+    for result in results:
+        rates = [result["rates"][name] for name in COLUMNS.values()]
+        cells = [f"{round(r['value'] * r['n'])} of {r['n']}" if r["n"] else "" for r in rates]
+        lines.append(f"| {result['noise_db']:g} dB | {' | '.join(cells)} |")
+    first = results[0]
+    return "\n".join(lines) + (
+        f"\n\nCase {first['case']}, {len(first['scenarios'])} scenarios at each level, seed {first['seed']}, "
+        f"effects at least {first['least_size']:g} times the noise.\n"
+    )
+
+
+def main(out, case="plant", scenarios=None, seed=None, jobs=JOBS):
+    """Run all levels, and write the table."""
+    usual = STUDIES[case]
+    results = [
+        discovery_study(
+            Path(out) / f"{level:g}",
+            case=case,
+            scenarios=usual[0] if scenarios is None else scenarios,
+            seed=usual[1] if seed is None else seed,
+            noise_db=level,
+            least_size=LEAST_SIZE,
+            n_jobs=jobs,
+            progress=True,
+        )
+        for level in LEVELS
+    ]
+    name = "discovery_noise" if case == "plant" else f"discovery_noise_{case}"
+    write_text_atomic(DOCS / "tables" / f"{name}.md", table(results))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:3], *(int(n) for n in sys.argv[3:]))
