@@ -173,6 +173,7 @@ class CauseFinder(BaseEstimator):
         self._tell("fit without effects")
         self._calibrator = self._calibrate(observations)
         self._count = self._calibrator.n_simulations_ + len(observations)  # those of the baseline
+        self._kept = self._journal(observations, library)
         problem = FitProblem(self.simulator, list(observations))
         best = min(self._calibrator.starts_, key=lambda start: start["objective"])
         first = parameters_only(problem, self._calibrator.theta_, best["state"])
@@ -184,7 +185,7 @@ class CauseFinder(BaseEstimator):
             significance=self.significance,
             seed=self._seed,
             tell=self._tell,
-            journal=self._journal(observations, library),
+            journal=self._kept,
         )
         self._count += problem.n_simulations
         self._nominal = self._baseline(observations)
@@ -405,7 +406,7 @@ class CauseFinder(BaseEstimator):
     def _located(self) -> str:
         """Where something unknown enters, in words; places are kept, and those that cannot be told apart."""
         self._tell("places of an unknown signal")
-        self.places_, count = rank_places(self._base)
+        self.places_, count = rank_places(self._base, self._kept)
         self.n_simulations_ += count
         alike = conclusions.alike_places(self.places_)
         states = differing([place.states for place in alike]) if len(alike) > 1 else ()

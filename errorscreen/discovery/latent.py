@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery.fine_detail import Detailed, detailed
 from errorscreen.discovery.hypotheses import SLICE, Hypothesis, JointFit
+from errorscreen.discovery.journal import Journal
 from errorscreen.discovery.racing import attempted, race
 from errorscreen.discovery.separation import States, states_of
 from errorscreen.effects.base import Effect
@@ -81,7 +82,7 @@ class Place:
         return f"{size}, moves with {name}, correlation {correlation:.2f}"
 
 
-def rank_places(base: Hypothesis) -> tuple[list[Place], int]:
+def rank_places(base: Hypothesis, journal: Journal | None = None) -> tuple[list[Place], int]:
     """Fit an unknown signal together with all parameters, in turn at each port that has one.
 
     It is another one in each recording. A fit that has come to rest far above the best is not led to its end (`race`).
@@ -92,6 +93,8 @@ def rank_places(base: Hypothesis) -> tuple[list[Place], int]:
     ----------
     base : Hypothesis
         Without effects.
+    journal : Journal, optional
+        Finished parts of the search: what the fits have reached is kept there.
 
     Returns
     -------
@@ -99,26 +102,31 @@ def rank_places(base: Hypothesis) -> tuple[list[Place], int]:
         The most probable first; empty where the simulator has no ports, or a signal explains next to nothing at any.
     n_simulations : int
     """
-    problems: list[FitProblem] = []
+    journal = Journal() if journal is None else journal
+    problems: dict[tuple[Effect, ...], FitProblem] = {}
     calls: list[Callable[[], JointFit]] = []
     events = dict.fromkeys(o.event.name for o in base.observations)
     for effect in base.simulator.effects:
         if effect.kind != "latent":
             continue
-        signals = [effect.during(name) for name in events]
+        signals = tuple(effect.during(name) for name in events)
         simulator = base.simulator
         for signal in signals:
             simulator = simulator.extend(signal)
         fixed = {signal.local(name) for signal in signals for name in (signal.strength.name, *PULSE)}
         names = [name for name in simulator.parameters.names if name not in fixed]
-        problems.append(FitProblem(simulator, list(base.observations), names))
+        problems[signals] = FitProblem(simulator, list(base.observations), names)
         # fitted parameters have made up for much of what is missing; from there a signal often ends in a local minimum
         starts = np.zeros((2, len(names)))
         starts[0, : len(base.u)] = base.u
-        calls.append(partial(_begun, signals, problems[-1], starts))
+        calls.append(partial(_begun, signals, problems[signals], starts))
     threads = base.simulator.threads
-    found = side_by_side([fit.hypothesis for fit in race(attempted(calls, threads), threads)], threads)
-    count = sum(problem.n_simulations for problem in problems)
+
+    def fit() -> list[Hypothesis]:
+        return side_by_side([fit.hypothesis for fit in race(attempted(calls, threads), threads)], threads)
+
+    found = journal.all_fitted(problems, fit)
+    count = sum(problem.n_simulations for problem in problems.values())
     # detail alone, without a signal between knots, would explain anything a little
     found = [hypothesis for hypothesis in found if _explained(hypothesis, base) >= _EXPLAINS]
     tried = attempted([partial(detailed, hypothesis) for hypothesis in found], threads)

@@ -31,12 +31,19 @@ def stops_at(text):
     return report
 
 
+def interrupted(*_):
+    raise KeyboardInterrupt
+
+
 def test_an_interrupted_search_finds_the_same(spring, tmp_path, monkeypatch):
     model, recording = spring
     whole = finder(model).fit(recording)
     for text in ("joint fits", "other starts", "places of an unknown signal"):
         with pytest.raises(KeyboardInterrupt):
             finder(model, tmp_path, stops_at(text)).fit(recording)
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):  # when places have been fitted
+        patch.setattr("errorscreen.discovery.latent.detailed", interrupted)
+        finder(model, tmp_path).fit(recording)
     simulated = []
     original = FitProblem.residuals
     monkeypatch.setattr(
@@ -53,8 +60,12 @@ def test_an_interrupted_search_finds_the_same(spring, tmp_path, monkeypatch):
         (c.name, c.probability) for c in whole.causes_
     ]
     assert found.n_simulations_ == whole.n_simulations_
-    # what was finished is not simulated again: the rest is the first fit and the unknown signals
-    assert sum(simulated) < 0.5 * whole.n_simulations_
+    assert [(p.name, p.probability) for p in found.places_] == [
+        (p.name, pytest.approx(p.probability, rel=1e-6)) for p in whole.places_
+    ]
+    assert len(found.places_) > 1
+    # what was finished is not simulated again: the rest is the first fit, and one linearisation of each
+    assert sum(simulated) < 0.1 * whole.n_simulations_
 
 
 def test_a_folder_of_another_search_is_refused(spring, tmp_path):
