@@ -128,6 +128,8 @@ def discovery_study(
                 allowed="0 < least size < largest size, and a case other than traps",
             )
     _, mix = CASES[case]
+    if kinds is not None and not kinds:
+        raise InputError("the list of kinds is empty", allowed=", ".join(dict(mix)), where="kinds")
     for kind in kinds or ():
         if kind not in dict(mix):
             raise unknown_name(kind, dict(mix), kind="kind", where="kinds")

@@ -81,7 +81,9 @@ class Competition(Refinement):
         self._insist()
         self._eliminate()
         self._finish()
+        base = self.base
         self.rest()
+        self._compare_parts(again=self.base is not base)
         self._settle()
 
     def _select(self, candidates: Sequence[Effect]) -> None:
@@ -263,6 +265,29 @@ class Competition(Refinement):
         for dropped in best.effects:
             effects = tuple(e for e in best.effects if e is not dropped)
             self._refit(effects, best, [best], everywhere=bool(effects))
+
+    def _compare_parts(self, again: bool) -> None:
+        """Lead single effects of what may be named to where nothing leads lower, if they leave little.
+
+        Two effects must not be named because one of them alone was stuck. If asked for, they are fitted again, from
+        where parameters alone have come to rest.
+        """
+        best = max(self.adequate or self.hypotheses, key=lambda h: self.scores[h.name])
+        if not best.effects:
+            return
+        sets = [best.effects]
+        if len(best.effects) > 1:
+            sets += [tuple(e for e in best.effects if e is not dropped) for dropped in best.effects]
+        for effects in sets:
+            fitted = self.fit_of(effects)
+            if again:
+                fitted = self._refit(effects, best, [best, self.base], everywhere=False)
+            if (
+                fitted is not None
+                and len(fitted.effects) < len(best.effects)
+                and self.leaves_less(fitted, NAMED)
+            ):
+                self._rest(fitted)
 
 
 def _problems(base: Hypothesis, searches: Sequence[SignatureSearch]) -> dict[tuple[Effect, ...], FitProblem]:

@@ -137,7 +137,7 @@ def _cornered(base: Hypothesis) -> str:
         return ""
     return (
         " The search without effects ended where limiters begin to act, not at a smooth minimum; no start around it "
-        "led lower."
+        "led lower by a thousandth of what is left."
     )
 
 

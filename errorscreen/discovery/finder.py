@@ -381,6 +381,8 @@ class CauseFinder(BaseEstimator):
             return self.measure_gain(held_out)
         if self.verdict_.kind in ("parameters", "within-noise"):
             self.verdict_ = self._judged(as_observations(self.simulator, held_out))
+            if self.verdict_.kind == "unknown":
+                self.groups_ = []  # none of these explanations holds
         return None
 
     def _verdict(self) -> Verdict:
@@ -391,7 +393,8 @@ class CauseFinder(BaseEstimator):
             text = conclusions.unknown_text(
                 self.tried_, self.effects is None, self._base, self.hypotheses_[0]
             )
-            return Verdict("unknown", f"{text} {self._located()}")
+            # of parameters that may leave less nobody can tell where the rest enters
+            return Verdict("unknown", f"{text} {self._located()}" if self._base.at_rest else text)
         alike = self.groups_[0].names[1:] if self.groups_ else ()
         return Verdict(first.kind, conclusions.named_text(first, self._chosen, self._base, alike))
 

@@ -14,6 +14,7 @@ additional freedom would have gained.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -23,7 +24,7 @@ from numpy.typing import NDArray
 
 from errorscreen.calibration import MAPCalibrator
 from errorscreen.discovery.hypotheses import PRIOR
-from errorscreen.exceptions import check_real
+from errorscreen.exceptions import DataWarning, check_real
 from errorscreen.observations import Observation
 from errorscreen.sampling import generator
 from errorscreen.signals import correlation_time
@@ -34,6 +35,8 @@ from errorscreen.simulators.observations import as_observations, settled_observa
 _RESAMPLED = 1000
 #: length of the blocks in correlation times of the error, and how many there are at least
 _BLOCK, _FEWEST_BLOCKS = 2.0, 4
+#: wrong effects that are fitted, of which the best is the placebo: one alone may fit badly by chance
+_PLACEBOS = 3
 
 _Array = NDArray[np.float64]
 
@@ -107,6 +110,8 @@ def measure_gain(
 ) -> Gain:
     """Compare simulators, each at its nominal values, on recordings that none of them was fitted to.
 
+    All of them take the step of `extended`: a smaller one is no gain of what was added.
+
     Parameters
     ----------
     old : Simulator
@@ -115,8 +120,8 @@ def measure_gain(
         With what was found, at its fitted values.
     held_out : Observation, or anything ``old.observe`` takes, or a list of them
     fitted : Observation, or anything ``old.observe`` takes, or a list of them, optional
-        What `extended` was fitted to. The old model is recalibrated on it, and a wrong effect of its library is fitted
-        as a placebo, unless they are given.
+        What `extended` was fitted to. The old model is recalibrated on it, and some wrong effects of its library are
+        fitted, the best of which is the placebo, unless they are given.
     recalibrated : Simulator, optional
         The old model with the parameters that fit best without the extension: the fair baseline. Without it and without
         `fitted` the old model is taken for calibrated.
@@ -126,6 +131,11 @@ def measure_gain(
         Probability of the interval, between 0 and 1.
     random_state : None, int, SeedSequence, Generator or RandomState
         Of the bootstrap, of calibrations, and of the choice among wrong effects with as many parameters.
+
+    Warns
+    -----
+    DataWarning
+        If the recalibration on `fitted` did not end at a minimum.
 
     Returns
     -------
@@ -144,13 +154,15 @@ def measure_gain(
     True
     """
     check_real(level, "level", low=0.0, high=1.0, above=True)
+    old = old.with_step_of(extended)
     observations = as_observations(old, held_out)
     rng = generator(random_state)
     if fitted is not None:
         seen = as_observations(old, fitted)
-        recalibrated = recalibrated or _calibrated(old, seen, rng)
+        recalibrated = recalibrated or _recalibrated(old, seen, rng)
         placebo = placebo or _placebo(old, extended, seen, rng)
-    recalibrated = recalibrated or old
+    recalibrated = (recalibrated or old).with_step_of(extended)
+    placebo = placebo and placebo.with_step_of(extended)
     errors = [_deviations(model, observations) for model in (old, recalibrated, extended)]
     squares = [[(z**2).sum(axis=0) for z in rows] for rows in errors]
     totals = [[float(row.sum()) for row in rows] for rows in squares]
@@ -183,23 +195,41 @@ def measure_gain(
     return Gain(rms[0], rms[1], rms[2], gain, (float(low), float(high)), level, other, events, *more)
 
 
-def _calibrated(model: Simulator, fitted: Sequence[Observation], rng: np.random.Generator) -> Simulator:
+def _calibrated(model: Simulator, fitted: Sequence[Observation], rng: np.random.Generator) -> MAPCalibrator:
+    return MAPCalibrator(model, prior_scale=PRIOR, random_state=rng).fit(list(fitted))
+
+
+def _recalibrated(model: Simulator, fitted: Sequence[Observation], rng: np.random.Generator) -> Simulator:
     """The same with the parameters that fit best."""
-    found = MAPCalibrator(model, prior_scale=PRIOR, random_state=rng).fit(list(fitted))
-    return model.with_nominal(found.theta_)
+    found = _calibrated(model, fitted, rng)
+    if not found.converged_:
+        warnings.warn(
+            DataWarning(
+                "The recalibration of the old model did not end at a minimum: the gain over it may be too large. "
+                "`CauseFinder.measure_gain` leads it on."
+            ),
+            stacklevel=3,
+        )
+    return found.simulator_
 
 
 def _placebo(
     old: Simulator, extended: Simulator, fitted: Sequence[Observation], rng: np.random.Generator
 ) -> Simulator | None:
-    """The old model with a wrong effect, with as many parameters as the extension has if there is one, fitted."""
+    """The old model with a wrong effect, with as many parameters as the extension has if there is one, fitted.
+
+    Of several that which fits best.
+    """
     right = {effect.original for effect in extended.extensions}
     wrong = [e for e in old.effects_named(None) if e.original not in right and not e.occasional]
     if not wrong or not right:
         return None
     own = len(extended.parameters) - len(old.parameters)
     off = np.array([abs(len(effect.parameters) - own) for effect in wrong])
-    return _calibrated(old.extend(wrong[rng.choice(np.flatnonzero(off == off.min()))]), fitted, rng)
+    drawn = rng.permutation(np.flatnonzero(off == off.min()))[:_PLACEBOS]
+    found = [_calibrated(old.extend(wrong[k]), fitted, rng) for k in drawn]
+    best = min(found, key=lambda calibrator: calibrator.chi2_per_sample_)
+    return best.simulator_
 
 
 def _deviations(model: Simulator, observations: Sequence[Observation]) -> list[_Array]:

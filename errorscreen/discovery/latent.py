@@ -14,7 +14,7 @@ from errorscreen.discovery.fine_detail import Detailed, detailed
 from errorscreen.discovery.hypotheses import SLICE, Hypothesis, JointFit
 from errorscreen.discovery.journal import Journal
 from errorscreen.discovery.racing import attempted, race
-from errorscreen.discovery.separation import States, states_of
+from errorscreen.discovery.separation import States, device_name, states_of
 from errorscreen.effects.base import Effect
 from errorscreen.effects.latent_input import KNOTS, PULSE
 from errorscreen.events import InputSignal, Playback
@@ -228,9 +228,8 @@ def _place(
         if norm > 0:
             follows.append((name, float(a @ b / norm)))
     follows.sort(key=lambda item: -abs(item[1]))
-    device = effect.device or getattr(getattr(hypothesis.simulator, "device", None), "name", "model")
     return Place(
-        device,
+        device_name(hypothesis.simulator, effect.device),
         effect.port,
         probability,
         found.chi2_per_sample,

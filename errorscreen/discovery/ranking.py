@@ -78,7 +78,7 @@ def rank_causes(found: Competition) -> list[Cause]:
 
     Hypotheses that leave only noise are compared by their evidence. Where there is none, what explains nearly all of
     what parameters leave counts as being of the right kind, in another form than the library's. Nothing counts beside
-    parameters that leave more than noise and were not led to a minimum: other values of them may do as well.
+    parameters that were not led to a minimum: other values of them may do as well.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def rank_causes(found: Competition) -> list[Cause]:
     causes = _exact(found)
     if not causes:
         causes = _of_a_kind(found)
-    elif found.base.at_rest and _form_alone(found, causes):
+    elif _form_alone(found, causes):
         causes = _with_two(found, _of_a_kind(found), causes)
     causes.sort(key=lambda c: -c.probability)
     unknown = 1.0 - sum(c.probability for c in causes)
@@ -106,10 +106,9 @@ def _exact(found: Competition) -> list[Cause]:
     adequate, base, scores = found.adequate, found.base, found.scores
     if not adequate:
         return []
-    led = base in adequate or base.at_rest
     if base not in adequate and scores[adequate[0].name] - scores[base.name] < _MARGIN:
         adequate.append(base)  # a conspicuous cell, but nothing that an effect explains better
-    adequate = [h for h in adequate if led or not h.effects]
+    adequate = [h for h in adequate if base.at_rest or not h.effects]
     if not adequate:
         return []
     tried = max(1, len(found.signatures))

@@ -134,24 +134,39 @@ class Refinement(Standings):
                 self.n_simulations += problem.n_simulations
 
     def rest(self) -> None:
-        """Lead the fit without effects to where nothing leads lower, unless it leaves only noise.
+        """Lead the fit without effects to where nothing leads lower, unless it leaves only noise and is most evident.
 
         A search that stalls has come to no minimum as far as it knows, and that it leaves too much is what a missing
         effect is told from.
         """
+        base = self.base
+        if not self._needs_nothing:
+            self._rest(base)
+        if self.base is not base:
+            self._polish(self.base)
+
+    @property
+    def _needs_nothing(self) -> bool:
+        """Whether parameters alone leave only noise, and nothing is more evident."""
+        return self.is_adequate(self.base) and self.scores[self.base.name] >= max(self.scores.values())
+
+    def _rest(self, hypothesis: Hypothesis) -> None:
+        """Lead a fit to where nothing leads lower."""
         for number in range(_RESTS):
-            base = self.base
-            if base.at_rest or self.is_adequate(base):
+            if hypothesis.at_rest or (not hypothesis.effects and self._needs_nothing):
                 return
-            self.tell("starts around parameters alone")
-            problem = FitProblem(base.simulator, list(base.observations), base.names)
-            least = max(WORTH, _LOWER * self.remainders[base.name].excess)
+            self.tell(f"starts around {hypothesis.name}")
+            problem = FitProblem(hypothesis.simulator, list(hypothesis.observations), hypothesis.names)
+            least = max(WORTH, _LOWER * self.remainders[hypothesis.name].excess)
             seed = np.random.SeedSequence(self.seed, spawn_key=(number,))
-            led = self._journal.fitted((), problem, partial(rested, base, problem, least, seed))
+            led = self._journal.fitted(
+                hypothesis.effects, problem, partial(rested, hypothesis, problem, least, seed)
+            )
             self.n_simulations += problem.n_simulations
             if led is None:
                 return
-            self.keep(led, self.test(led), base)
+            self.keep(led, self.test(led), hypothesis)
+            hypothesis = led
 
     def _settle(self) -> None:
         """Lead what will be named out of local minima, if an effect has many: its values count, not only its name."""

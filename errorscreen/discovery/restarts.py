@@ -26,6 +26,8 @@ _CLOUD = 48
 _HALVING, _FOLLOWED = ((16, 3), (8, 6)), 3
 #: starts around a fit whose linear model promises more than steps keep, in standard deviations
 _AROUND = np.repeat((3.0, 1.0, 0.3, 0.1), 6)
+#: rounds of such starts, all of which must lead no lower
+_QUIET = 2
 #: individuals for each parameter, and generations, of a global search
 _CROWD, _GENERATIONS = 16, 80
 #: shares of its range by which a parameter is moved off an edge
@@ -148,7 +150,7 @@ def rested(hypothesis: Hypothesis, problem: FitProblem, least: float, random_sta
     Returns
     -------
     Hypothesis
-        ``"corner"`` is its state if the search stalled again, and no start led lower by what counts.
+        ``"corner"`` is its state if the search stalled again, and no start of two rounds led lower by what counts.
 
     Raises
     ------
@@ -156,11 +158,15 @@ def rested(hypothesis: Hypothesis, problem: FitProblem, least: float, random_sta
         If it cannot be simulated.
     """
     fit = JointFit(hypothesis.effects, problem, hypothesis.u)
-    before = fit.objective
-    around = fit.run(SLICE).scattered(_AROUND, random_state)[0]
-    fit = halved(hypothesis.effects, problem, np.vstack([fit.reached, around])).pursue(before)
-    found = fit.hypothesis()
-    return replace(found, state=CORNER) if not found.at_rest and before - fit.objective < least else found
+    before, rng = fit.objective, generator(random_state)
+    fit.run(SLICE)
+    for _ in range(_QUIET):
+        around = fit.scattered(_AROUND, rng)[0]
+        fit = halved(hypothesis.effects, problem, np.vstack([fit.reached, around])).pursue(before)
+        found = fit.hypothesis()
+        if found.at_rest or before - fit.objective >= least:
+            return found
+    return replace(found, state=CORNER) if found.state == "stalled" else found
 
 
 def searched(problem: FitProblem, random_state: Any = 0) -> _Array:

@@ -16,6 +16,8 @@ from errorscreen.simulators.base import Simulator
 
 #: states that are told, at most, and the least share of its range by which explanations must differ in one
 _TOLD, _LEAST = 3, 0.05
+#: a state that differs from a recorded channel by less than this share of its range is the same
+_RECORDED = 1e-6
 
 #: states (L,) by device and name
 States = Mapping[tuple[str, str], NDArray[np.float64]]
@@ -79,7 +81,9 @@ def separating(members: Sequence[Hypothesis], events: Iterable[Event]) -> tuple[
 
 
 def states_of(simulator: Simulator, theta: ArrayLike, event: Event) -> States:
-    """States inside all devices that a simulator has ports of; empty where they cannot be seen.
+    """States inside all devices in which effects can act, but for those that are recorded.
+
+    Empty where they cannot be seen.
 
     Parameters
     ----------
@@ -87,12 +91,20 @@ def states_of(simulator: Simulator, theta: ArrayLike, event: Event) -> States:
     theta : array-like of shape (m,)
     event : Event
     """
-    devices = dict.fromkeys(effect.device for effect in simulator.effects if effect.kind == "latent")
+    inside = ("mechanism", "latent")
+    devices = dict.fromkeys(effect.device for effect in simulator.effects if effect.kind in inside)
+    recorded = simulator.simulate(theta, event).values[0]
     return {
-        (device, name): row
+        (device_name(simulator, device), name): row
         for device in devices
         for name, row in simulator.trajectories(theta, event, device).items()
+        if not any(np.allclose(row, channel, atol=_RECORDED * np.ptp(channel)) for channel in recorded)
     }
+
+
+def device_name(simulator: Simulator, device: str) -> str:
+    """Name of a device: its own where a simulator has several, else that of the only one, or ``"model"``."""
+    return device or getattr(getattr(simulator, "device", None), "name", "model")
 
 
 def differing(members: Sequence[States]) -> tuple[tuple[str, str, float], ...]:

@@ -67,7 +67,7 @@ def test_the_event_in_which_explanations_differ_most_comes_first(twins):
     # of three pairs one is twins, and the others are alike
     squares = [np.array([d for _, _, d in sorted(g.separating)]) ** 2 for g in (two, three)]
     assert np.allclose(squares[1], 2 / 3 * squares[0], rtol=0.2)
-    assert {device for device, _, _ in two.states} == {"synchronous_machine"} or not two.states
+    assert {device for device, _, _ in two.states} == {"synchronous_machine"}
 
 
 def test_a_placebo_has_as_many_parameters_where_one_was_fitted(twins):
@@ -126,4 +126,4 @@ def test_nothing_is_said_to_be_missing_before_parameters_have_come_to_rest(twins
     assert "has not come to an end" in text
     assert "any effect" not in text
     cornered = conclusions.unknown_text(("governor",), True, replace(base, state="corner"), finder.best_)
-    assert "no start around it led lower" in cornered
+    assert "no start around it led lower by a thousandth" in cornered

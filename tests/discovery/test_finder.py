@@ -13,7 +13,11 @@ from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery import CauseFinder, conclusions, refinement
 from errorscreen.discovery.hypotheses import fit_hypothesis
 from errorscreen.discovery.refinement import WORTH
+from errorscreen.events import Event
 from errorscreen.exceptions import InputError
+from errorscreen.observations import Observation
+from errorscreen.parameters import Parameter
+from errorscreen.simulators import CallableSimulator
 from tests.plants import plant
 
 #: hidden causes drawn by seed, one of each kind; `errorscreen bench discovery` has more
@@ -205,9 +209,51 @@ def test_parameters_on_a_crease_are_led_to_rest_before_anything_is_said_to_be_mi
     assert np.allclose(finder.best_.u, 0.45, atol=0.03)
 
 
+def curved_crease(seed, hidden=(), swing=0.0, start=-0.2):
+    """A function whose error has a narrow curved crease, on which searches stall, and a record of it."""
+    time = np.arange(0, 10, 0.1)
+    event = Event(time, "crease", start=1.0)
+    on = np.where(time < event.start, 0.0, 1.0)
+    shape = on * (1.0 + swing * np.sin(2.0 * time))
+
+    def curve(x):
+        return x**2 - 0.3 * np.sin(3.0 * x)
+
+    def valley(theta, event):
+        x, y = theta.T
+        return np.stack([np.outer(1.0 + 300.0 * np.abs(y - curve(x)), shape), np.outer(2.0 - x, on)], axis=1)
+
+    space = [Parameter(n, v, -4.0, 4.0, scale=1.0) for n, v in zip("xy", (start, curve(start)), strict=True)]
+    model = CallableSimulator(valley, space, event, outputs=["u", "v"], vectorized=True)
+    rng = np.random.default_rng(seed)
+    x = rng.uniform(0.2, 0.6) if hidden else rng.uniform(-0.5, 0.5)
+    truth, values = model, [x, curve(x)]
+    for name, value in hidden:
+        truth, values = truth.extend(name), [*values, value]
+    clean = truth.simulate(np.array(values), event).values[0]
+    measured = clean + 0.05 * rng.standard_normal(clean.shape)
+    return model, Observation(event, measured, np.full(2, 0.05), ("u", "v"), ("1", "1"))
+
+
+@pytest.mark.parametrize("seed", [3, 5, 13, 15])
+def test_parameters_that_leave_only_noise_but_are_stuck_are_no_reason_to_name_an_effect(seed):
+    """Nothing is hidden, and at what a stalled search left something else would be named."""
+    model, observation = curved_crease(seed)
+    finder = CauseFinder(model, random_state=seed).fit(observation)
+    assert finder.verdict_.kind in ("within-noise", "parameters")
+
+
+def test_two_effects_are_not_named_because_one_of_them_was_stuck():
+    model, observation = curved_crease(3, [("lag_u", 0.4)], swing=0.2, start=-0.4)
+    finder = CauseFinder(model, random_state=3, n_starts=1, library_size=16).fit(observation)
+    assert [e.name for e in finder.best_.effects] == ["lag_u"]
+    assert finder.verdict_.kind == "measurement"
+
+
 def test_where_parameters_have_not_come_to_rest_nothing_is_named(crease, monkeypatch):
     monkeypatch.setattr(refinement, "_RESTS", 0)
     model, observation = crease
     finder = CauseFinder(model, ["offset_u"], library_size=16, n_starts=1, random_state=0).fit(observation)
     assert [(c.name, c.probability) for c in finder.causes_] == [("unknown", 1.0)]
     assert "has not come to an end" in finder.verdict_.text
+    assert "ports" not in finder.verdict_.text  # nor is there a place

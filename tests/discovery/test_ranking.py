@@ -95,6 +95,14 @@ def test_parameters_that_leave_only_noise_need_not_be_at_a_minimum():
     assert rank_causes(found)[0].name == "parameters"
 
 
+def test_an_effect_that_beats_parameters_on_their_way_is_not_named_though_these_leave_only_noise():
+    led, stalled = (competition(((), 60.0, 0.004, -60.0), ((SCALE_P,), 10.0, 0.4, -20.0)) for _ in range(2))
+    stalled.base.at_rest = False
+    assert rank_causes(led)[0].name == "scale_P"
+    assert {c.name for c in rank_causes(stalled)} == {"parameters", "unknown"}
+    assert rank_causes(stalled)[0].name == "parameters"
+
+
 def test_an_effect_that_explains_little_more_than_parameters_on_their_way_is_not_named():
     led, stalled = (competition(((), 30.0, 0.001, -30.0), ((SCALE_P,), 10.0, 0.4, -20.0)) for _ in range(2))
     stalled.base.at_rest = False

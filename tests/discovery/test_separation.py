@@ -27,5 +27,12 @@ def test_states_are_those_of_the_device():
     plant = PlantSimulator("synchronous_machine", dip(stop=3.0))
     event = dip(stop=3.0)
     states = states_of(plant, plant.parameters.nominal, event)
-    assert {name for _, name in states} == set(plant.device.states)
+    assert set(states) == {("synchronous_machine", name) for name in plant.device.states}
     assert all(row.shape == event.time.shape for row in states.values())
+
+
+def test_states_that_are_recorded_need_not_be_recorded(spring):
+    model, observation = spring
+    names = {name for _, name in states_of(model, model.parameters.nominal, observation.event)}
+    assert "velocity" in names
+    assert not names & set(model.channels)
