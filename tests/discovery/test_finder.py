@@ -240,7 +240,9 @@ def test_parameters_that_leave_only_noise_but_are_stuck_are_no_reason_to_name_an
     """Nothing is hidden, and at what a stalled search left something else would be named."""
     model, observation = curved_crease(seed)
     finder = CauseFinder(model, random_state=seed).fit(observation)
-    assert finder.verdict_.kind in ("within-noise", "parameters")
+    sufficient = finder.verdict_.kind in ("within-noise", "parameters")
+    assert sufficient or "it cannot be told whether anything is missing" in finder.verdict_.text
+    assert not finder.best_.effects
 
 
 def test_two_effects_are_not_named_because_one_of_them_was_stuck():
