@@ -279,15 +279,21 @@ class Competition(Refinement):
         if len(best.effects) > 1:
             sets += [tuple(e for e in best.effects if e is not dropped) for dropped in best.effects]
         for effects in sets:
-            fitted = self.fit_of(effects)
-            if again:
-                fitted = self._refit(effects, best, [best, self.base], everywhere=False)
-            if (
-                fitted is not None
-                and len(fitted.effects) < len(best.effects)
-                and self.leaves_less(fitted, NAMED)
-            ):
+            fitted = self.fit_of(effects) or self._refit(effects, best, [best, self.base], everywhere=False)
+            if fitted is not None and again:
+                fitted = self._from_rest(fitted, best)
+            if fitted is not None and len(effects) < len(best.effects) and self.leaves_less(fitted, NAMED):
                 self._rest(fitted)
+
+    def _from_rest(self, hypothesis: Hypothesis, best: Hypothesis) -> Hypothesis:
+        """Fit a hypothesis from where parameters alone have come to rest, with effects off and as in another fit."""
+        names = hypothesis.names
+        off = self.base.deviations(names)
+        on = np.where(np.isin(names, self.base.names), off, best.deviations(names))
+        problem = FitProblem(hypothesis.simulator, list(hypothesis.observations), names)
+        better = self._better(hypothesis, problem, lambda: [off, on])
+        self.n_simulations += problem.n_simulations
+        return better or hypothesis
 
 
 def _problems(base: Hypothesis, searches: Sequence[SignatureSearch]) -> dict[tuple[Effect, ...], FitProblem]:

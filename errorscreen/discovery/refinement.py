@@ -41,7 +41,7 @@ _FEW = 8
 _NEAR, _FINER, _LEFT = 50.0, 4, 0.5
 #: times that a fit without effects is led on where it stalls, and the least share of what it leaves beyond noise that
 #: counts as lower
-_RESTS, _LOWER = 6, 1e-3
+_RESTS, _LOWER = 16, 1e-3
 #: starts all over the ranges, for a model without effects or with one, and for each effect of one that has more
 _STARTS = 16
 
