@@ -41,24 +41,27 @@ def table(results):
     )
 
 
-def main(out, case="plant", scenarios=None, seed=None, jobs=JOBS):
-    """Run all levels, and write table and figure."""
-    usual = STUDIES[case]
-    results = [
+def at_levels(out, usual, case="plant", scenarios=None, seed=None, jobs=JOBS, **options):
+    """Results of `discovery_study` at each noise level, of the usual scenarios and seed where none are given."""
+    return [
         discovery_study(
             Path(out) / f"{level:g}",
             case=case,
-            scenarios=usual[0] if scenarios is None else scenarios,
-            seed=usual[1] if seed is None else seed,
+            scenarios=usual[case][0] if scenarios is None else scenarios,
+            seed=usual[case][1] if seed is None else seed,
             noise_db=level,
-            least_size=LEAST_SIZE,
-            largest_size=LARGEST_SIZE,
-            kinds=KINDS,
             n_jobs=jobs,
             progress=True,
+            **options,
         )
         for level in LEVELS
     ]
+
+
+def main(out, case="plant", *numbers):
+    """Run all levels, and write table and figure."""
+    sizes = {"least_size": LEAST_SIZE, "largest_size": LARGEST_SIZE}
+    results = at_levels(out, STUDIES, case, *numbers, kinds=KINDS, **sizes)
     name = "discovery_curves" if case == "plant" else f"discovery_curves_{case}"
     write_text_atomic(DOCS / "tables" / f"{name}.md", table(results))
     power_figure(*results).savefig(DOCS / "images" / f"{name.replace('_', '-')}.png", dpi=150)

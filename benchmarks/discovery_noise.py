@@ -8,14 +8,14 @@ scenarios, goes on from there. Single effects by their size: ``discovery_curves.
 import sys
 from pathlib import Path
 
-from errorscreen.bench import discovery_study
+from discovery_curves import at_levels
+
 from errorscreen.persistence import write_text_atomic
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
-LEVELS = (40.0, 30.0, 20.0)
 #: scenarios at each level, and seed, of the tables in the docs
 STUDIES = {"plant": (40, 227), "ieee39": (24, 239)}
-JOBS, LEAST_SIZE = 2, 0.3
+LEAST_SIZE = 0.3
 COLUMNS = {
     "nothing hidden: something reported": "false_alarm",
     "one effect or fault: named rightly": "correct",
@@ -39,22 +39,9 @@ def table(results):
     )
 
 
-def main(out, case="plant", scenarios=None, seed=None, jobs=JOBS):
+def main(out, case="plant", *numbers):
     """Run all levels, and write the table."""
-    usual = STUDIES[case]
-    results = [
-        discovery_study(
-            Path(out) / f"{level:g}",
-            case=case,
-            scenarios=usual[0] if scenarios is None else scenarios,
-            seed=usual[1] if seed is None else seed,
-            noise_db=level,
-            least_size=LEAST_SIZE,
-            n_jobs=jobs,
-            progress=True,
-        )
-        for level in LEVELS
-    ]
+    results = at_levels(out, STUDIES, case, *numbers, least_size=LEAST_SIZE)
     name = "discovery_noise" if case == "plant" else f"discovery_noise_{case}"
     write_text_atomic(DOCS / "tables" / f"{name}.md", table(results))
 
