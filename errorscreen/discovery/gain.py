@@ -132,16 +132,16 @@ def measure_gain(
     random_state : None, int, SeedSequence, Generator or RandomState
         Of the bootstrap, of calibrations, and of the choice among wrong effects with as many parameters.
 
-    Warns
-    -----
-    DataWarning
-        If the recalibration on `fitted` did not end at a minimum.
-
     Returns
     -------
     Gain
         A model that cannot be simulated on an event counts with an infinite error there. Where that is the recalibrated
         one, the event is left out of the gain; of such events alone it is 1 if the extended model can be simulated.
+
+    Warns
+    -----
+    DataWarning
+        If the recalibration on `fitted` did not end at a minimum.
 
     Examples
     --------
