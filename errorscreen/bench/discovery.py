@@ -19,7 +19,7 @@ from errorscreen.bench.discovery_output import write_discovery
 from errorscreen.bench.discovery_rates import summarise
 from errorscreen.bench.grid_scenarios import draw_grid_scenario
 from errorscreen.bench.plant_scenarios import draw_plant_scenario
-from errorscreen.bench.scenarios import LEAST_SIZE, MIX, Scenario
+from errorscreen.bench.scenarios import LEAST_SIZE, MIX, Scenario, check_sizes
 from errorscreen.bench.timing import machine
 from errorscreen.bench.trap_scenarios import TRAP_MIX, draw_trap_scenario
 from errorscreen.calibration.problem import FitProblem
@@ -122,11 +122,9 @@ def discovery_study(
     least_size = check_real(least_size, "the least size", low=0.0)
     if largest_size is not None:
         largest_size = check_real(largest_size, "the largest size", low=0.0)
-        if case == "traps" or not 0 < least_size < largest_size:
-            raise InputError(
-                f"sizes from {least_size:g} to {largest_size:g} times the noise in case {case}",
-                allowed="0 < least size < largest size, and a case other than traps",
-            )
+        check_sizes(least_size, largest_size)
+        if case == "traps":
+            raise InputError("effects of traps are not scaled to a size", allowed="a case other than traps")
     _, mix = CASES[case]
     if kinds is not None and not kinds:
         raise InputError("the list of kinds is empty", allowed=", ".join(dict(mix)), where="kinds")
@@ -157,9 +155,8 @@ def discovery_study(
             bar.update()
     rows = [records[i] for i in range(scenarios)]
     result = {
-        **result_of(rows, case=case, seed=seed, noise_db=noise_db, least_size=least_size),
+        **result_of(rows, case=case, seed=seed, noise_db=noise_db, least_size=least_size, kinds=kinds),
         "largest_size": largest_size,
-        "mix": dict(mix) if kinds is None else {k: list(kinds).count(k) / len(kinds) for k in kinds},
         "seconds": perf_counter() - started,
         "machine": machine(),
     }
@@ -168,7 +165,13 @@ def discovery_study(
 
 
 def result_of(
-    rows: Sequence[_Record], *, case: str, seed: int, noise_db: float, least_size: float
+    rows: Sequence[_Record],
+    *,
+    case: str,
+    seed: int,
+    noise_db: float,
+    least_size: float,
+    kinds: Sequence[str] | None = None,
 ) -> dict[str, Any]:
     """Result of the study that some scenarios are, see `discovery_study`, but for how long it took.
 
@@ -176,7 +179,7 @@ def result_of(
     ----------
     rows : sequence of dict
         Of `run_scenario`.
-    case, seed, noise_db, least_size
+    case, seed, noise_db, least_size, kinds
         See `discovery_study`.
     """
     _, mix = CASES[case]
@@ -187,7 +190,7 @@ def result_of(
         "seed": seed,
         "noise_db": noise_db,
         "least_size": least_size,
-        "mix": dict(mix),
+        "mix": dict(mix) if kinds is None else {kind: kinds.count(kind) / len(kinds) for kind in kinds},
         "scenarios": list(rows),
         **summarise(rows),
     }

@@ -118,6 +118,14 @@ class Setup:
     record: Callable[..., tuple[list[Observation], Simulator]]
 
 
+def check_sizes(least: float, largest: float) -> None:
+    """Refuse sizes between which none can be drawn by order of magnitude."""
+    if not 0 < least < largest:
+        raise InputError(
+            f"sizes from {least:g} to {largest:g} times the noise", allowed="0 < least size < largest size"
+        )
+
+
 def draw_kind(rng: np.random.Generator, mix: Sequence[tuple[str, float]] = MIX) -> str:
     """Kind of a scenario, by the shares of the kinds."""
     names, shares = zip(*mix, strict=True)
@@ -182,10 +190,8 @@ def draw_scenario(
     """
     if kind not in dict(MIX):
         raise unknown_name(kind, dict(MIX), kind="kind")
-    if largest is not None and not 0 < least < largest:
-        raise InputError(
-            f"sizes from {least:g} to {largest:g} times the noise", allowed="0 < least size < largest size"
-        )
+    if largest is not None:
+        check_sizes(least, largest)
     for _ in range(TRIES):
         effects, right = _happened(*setup.hide(kind, device, rng), setup, rng)
         own: Sequence[_Array] = [draw_values(effect, rng) for effect in effects]

@@ -122,10 +122,10 @@ def rank_places(base: Hypothesis, journal: Journal | None = None) -> tuple[list[
         calls.append(partial(_begun, signals, problems[signals], starts))
     threads = base.simulator.threads
 
-    def fit() -> list[Hypothesis]:
+    def raced() -> list[Hypothesis]:
         return side_by_side([fit.hypothesis for fit in race(attempted(calls, threads), threads)], threads)
 
-    found = journal.all_fitted(problems, fit)
+    found = journal.all_fitted(problems, raced)
     count = sum(problem.n_simulations for problem in problems.values())
     # detail alone, without a signal between knots, would explain anything a little
     found = [hypothesis for hypothesis in found if _explained(hypothesis, base) >= _EXPLAINS]

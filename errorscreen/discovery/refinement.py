@@ -39,8 +39,7 @@ _FEW = 8
 #: a fit whose χ²/N is at most this is tried with a step so many times smaller, and fitted with it if the linear model
 #: promises to leave at most this share of what is beyond noise
 _NEAR, _FINER, _LEFT = 50.0, 4, 0.5
-#: times that a fit without effects is led on where it stalls, and the least share of what it leaves beyond noise that
-#: counts as lower
+#: times that a fit is led on where it stalls, and the least share of what it leaves beyond noise that counts as lower
 _RESTS, _LOWER = 16, 1e-3
 #: starts all over the ranges, for a model without effects or with one, and for each effect of one that has more
 _STARTS = 16
@@ -140,8 +139,7 @@ class Refinement(Standings):
         effect is told from.
         """
         base = self.base
-        if not self._needs_nothing:
-            self._rest(base)
+        self._rest(base)
         if self.base is not base:
             self._polish(self.base)
 

@@ -98,7 +98,9 @@ def states_of(simulator: Simulator, theta: ArrayLike, event: Event) -> States:
         (device_name(simulator, device), name): row
         for device in devices
         for name, row in simulator.trajectories(theta, event, device).items()
-        if not any(np.allclose(row, channel, atol=_RECORDED * np.ptp(channel)) for channel in recorded)
+        if not any(
+            np.allclose(row, channel, rtol=0.0, atol=_RECORDED * np.ptp(channel)) for channel in recorded
+        )
     }
 
 

@@ -167,3 +167,9 @@ def test_without_what_was_fitted_the_old_model_counts_as_calibrated(case):
     gain = measure_gain(old, true, recordings)
     assert gain.baseline == gain.recalibrated
     assert gain.placebo is None
+
+
+def test_a_smaller_step_is_no_gain(case):
+    old, _, _, recordings = case
+    gain = measure_gain(old, old.with_step(old.step / 8), recordings)
+    assert (gain.gain, gain.holds) == (0.0, False)
