@@ -10,11 +10,11 @@ from errorscreen.bench.discovery import run_scenario
 from errorscreen.bench.plant_scenarios import draw_plant_scenario
 from errorscreen.bench.trap_scenarios import draw_trap_scenario
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.discovery import CauseFinder, conclusions, refinement
+from errorscreen.discovery import CauseFinder, Group, conclusions, measure_gain, refinement
 from errorscreen.discovery.hypotheses import fit_hypothesis
 from errorscreen.discovery.refinement import WORTH
 from errorscreen.events import Event
-from errorscreen.exceptions import InputError
+from errorscreen.exceptions import DataWarning, InputError
 from errorscreen.observations import Observation
 from errorscreen.parameters import Parameter
 from errorscreen.simulators import CallableSimulator
@@ -186,7 +186,9 @@ def test_a_perfect_model_is_within_noise():
     assert "2 that were held out" in finder.verdict_.text
     # what is wrong may show in other events only
     moved = [replace(o, values=o.values + 2 * o.noise[:, None]) for o in hidden.held_out]
+    finder.groups_ = [Group(("parameters", "twin"), ())]
     finder.confirm(moved)
+    assert finder.groups_ == []  # none of these explanations holds
     assert finder.verdict_.kind == "unknown"
     assert hidden.held_out[0].event.name in finder.verdict_.text
 
@@ -243,6 +245,12 @@ def test_parameters_that_leave_only_noise_but_are_stuck_are_no_reason_to_name_an
     sufficient = finder.verdict_.kind in ("within-noise", "parameters")
     assert sufficient or "it cannot be told whether anything is missing" in finder.verdict_.text
     assert not finder.best_.effects
+
+
+def test_a_gain_over_a_stuck_recalibration_may_be_too_large():
+    model, observation = curved_crease(3)
+    with pytest.warns(DataWarning, match="recalibration of the old model did not end at a minimum"):
+        measure_gain(model, model.extend("offset_u"), observation, fitted=observation)
 
 
 def test_two_effects_are_not_named_because_one_of_them_was_stuck():
