@@ -80,8 +80,12 @@ def named_text(cause: Cause, chosen: Hypothesis, base: Hypothesis, alike: Sequen
         )
     text += f" χ²/N is {base.chi2_per_sample:.3g} with parameters alone, "
     text += f"{chosen.chi2_per_sample:.3g} with what was chosen."
-    text += f" These recordings cannot tell it from: {', '.join(alike)}." if alike else ""
-    return text + _cornered(base)
+    return text + alike_text(alike) + _cornered(base)
+
+
+def alike_text(names: Sequence[str]) -> str:
+    """What recordings cannot tell an explanation from, in words; empty if there is nothing."""
+    return f" These recordings cannot tell it from: {', '.join(names)}." if names else ""
 
 
 def unknown_text(

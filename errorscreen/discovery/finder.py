@@ -395,15 +395,21 @@ class CauseFinder(BaseEstimator):
             )
             # of parameters that may leave less nobody can tell where the rest enters
             return Verdict("unknown", f"{text} {self._located()}" if self._base.at_rest else text)
-        alike = self.groups_[0].names[1:] if self.groups_ else ()
-        return Verdict(first.kind, conclusions.named_text(first, self._chosen, self._base, alike))
+        return Verdict(first.kind, conclusions.named_text(first, self._chosen, self._base, self._alike))
+
+    @property
+    def _alike(self) -> tuple[str, ...]:
+        """Explanations that the recordings do not tell from the first one."""
+        return self.groups_[0].names[1:] if self.groups_ else ()
 
     def _judged(self, held_out: Sequence[Observation] = ()) -> Verdict:
         """Verdict where no effect is needed."""
         passes = self._nothing_to_explain, True
         verdict = judge(self._base.observations, self._nominal[0], self._calibrator, held_out, passes=passes)
+        if verdict.kind != "parameters":
+            return verdict
         left = conclusions.conspicuous_text(self.remainders_[self._base.name], self.significance)
-        return verdict if verdict.kind != "parameters" else replace(verdict, text=verdict.text + left)
+        return replace(verdict, text=verdict.text + left + conclusions.alike_text(self._alike))
 
     @one_blas_thread
     def _located(self) -> str:

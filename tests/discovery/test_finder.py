@@ -198,8 +198,11 @@ def test_without_effects_only_parameters_are_judged():
     finder = CauseFinder(hidden.simulator, max_effects=0, random_state=0).fit(list(hidden.recordings))
     assert [h.name for h in finder.hypotheses_] == ["parameters"]
     assert finder.verdict_.kind == "parameters"
+    assert "cannot tell" not in finder.verdict_.text
+    finder.groups_ = [Group(("parameters", "twin"), ())]
     assert finder.confirm(list(hidden.held_out)) is None
     assert finder.verdict_.kind == "parameters"
+    assert "cannot tell it from: twin" in finder.verdict_.text
     assert "2 recordings that were not fitted" in finder.verdict_.text
 
 
