@@ -303,6 +303,7 @@ def _bench_discovery(options: argparse.Namespace, out: str) -> None:
 
 
 def _study(prepare: Callable[[], Any], out: Path, options: argparse.Namespace) -> None:
+    from errorscreen.discovery.conclusions import probable
     from errorscreen.workflow import run_study, write_outputs
 
     show = not options.quiet
@@ -314,7 +315,7 @@ def _study(prepare: Callable[[], Any], out: Path, options: argparse.Namespace) -
     if outcome.discovered is not None:
         for cause in outcome.discovered.meta["causes"][:3]:
             withdrawn = ", withdrawn" if cause["withdrawn"] else ""
-            print(f"  {cause['probability']:.2f}  {cause['title']}{withdrawn}")
+            print(f"  {probable(cause['probability']):>6}  {cause['title']}{withdrawn}")
     for sentence in outcome.advice:
         print(f"Next: {sentence}")
     failed = _failed(outcome)

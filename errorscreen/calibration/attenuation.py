@@ -25,7 +25,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.calibration.search import BoundedSearch
@@ -39,7 +39,7 @@ _STEP = 1e-2
 _FAR = 10.0
 
 
-def relieved(search: BoundedSearch, problem: FitProblem) -> BoundedSearch:
+def relieved(search: BoundedSearch, problem: FitProblem, smooth: ArrayLike = True) -> BoundedSearch:
     """Return a search with the best track alone, led to where (K1) has its minimum.
 
     Parameters
@@ -48,6 +48,9 @@ def relieved(search: BoundedSearch, problem: FitProblem) -> BoundedSearch:
         Stays as it is.
     problem : FitProblem
         Of this search.
+    smooth : array-like of shape (k,), bool
+        Parameters that the energy follows smoothly, also far away; that of others is taken not to change. All where not
+        given.
 
     Returns
     -------
@@ -61,7 +64,7 @@ def relieved(search: BoundedSearch, problem: FitProblem) -> BoundedSearch:
     slope, energy = noise_slope(problem, found.best.u)
     for _ in range(_TIMES):
         trial = search.alone(replace(found.best, state="active"))
-        trial.tilt(slope)
+        trial.tilt(np.where(smooth, slope, 0.0))
         before = trial.untilted - energy
         for _ in range(_ITERATIONS):
             if not trial.iterate():

@@ -70,7 +70,9 @@ def named_text(cause: Cause, chosen: Hypothesis, base: Hypothesis, alike: Sequen
         What these recordings cannot tell it from.
     """
     at = "" if cause.place in cause.title else f" (at {cause.place})"
-    text = f"{cause.title}{at} explains what parameters cannot, with probability {cause.probability:.2f}."
+    text = (
+        f"{cause.title}{at} explains what parameters cannot, with probability {probable(cause.probability)}."
+    )
     if cause.event:
         text += " It belongs to what happened during this recording, and not to the model."
     if not cause.exact:
@@ -80,7 +82,35 @@ def named_text(cause: Cause, chosen: Hypothesis, base: Hypothesis, alike: Sequen
         )
     text += f" χ²/N is {base.chi2_per_sample:.3g} with parameters alone, "
     text += f"{chosen.chi2_per_sample:.3g} with what was chosen."
+    if not chosen.at_rest:
+        text += (
+            " Its fit did not end at a minimum, because limiters or jumps are in the way, so that other values may "
+            "leave less."
+        )
     return text + alike_text(alike) + _cornered(base)
+
+
+def probable(probability: float) -> str:
+    """Probability with two digits, never rounded to certainty.
+
+    Examples
+    --------
+    >>> probable(0.964), probable(0.998), probable(0.001)
+    ('0.96', '> 0.99', '< 0.01')
+    """
+    if 0.995 <= probability < 1.0:
+        return "> 0.99"
+    return "< 0.01" if 0.0 < probability < 0.005 else f"{probability:.2f}"
+
+
+def placebo_text(gain: Gain) -> str:
+    """Remark where a wrong effect gains as much as what was named, as far as the interval tells; empty if not."""
+    if gain.placebo is None or gain.placebo < gain.interval[0]:
+        return ""
+    return (
+        f" A wrong effect gains {gain.placebo:.2f} of the squared error on recordings that were not fitted, what was "
+        f"named {gain.gain:.2f} [{gain.interval[0]:.2f}, {gain.interval[1]:.2f}]: these do not tell one from the other."
+    )
 
 
 def alike_text(names: Sequence[str]) -> str:

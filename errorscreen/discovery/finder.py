@@ -90,7 +90,9 @@ class CauseFinder(BaseEstimator):
         Explanations that the recordings do not tell from the first one; where the verdict is unknown, places of the
         unknown signal that they do not tell apart.
     hypotheses_ : list of Hypothesis
-        All that were fitted, by falling evidence, with `Remainder.excess` in place of χ².
+        All that were fitted, by falling evidence, with `Remainder.excess` in place of χ². Those of probable causes are
+        fitted once more in the end, with the noise of injected signals as it passes through them; they were compared
+        before that.
     remainders_ : dict of str to Remainder
         Test of what each of them leaves, by its name.
     scores_ : dict of str to float
@@ -199,9 +201,9 @@ class CauseFinder(BaseEstimator):
         if base is not first:  # a better minimum, or a smaller step
             self._calibrator = self._calibrate(base.observations, base)
             self._count += self._calibrator.n_simulations_
-        self.hypotheses_ = sorted(found.hypotheses, key=lambda h: -found.scores[h.name])
         self.remainders_, self.scores_, self.signatures_ = found.remainders, found.scores, found.signatures
-        self.causes_, count = with_profiles(rank_causes(found), found.hypotheses)
+        ranked = sorted(found.hypotheses, key=lambda h: -found.scores[h.name])
+        self.causes_, self.hypotheses_, count = with_profiles(rank_causes(found), ranked, self._seed)
         self.n_simulations_ = self._count + found.n_simulations + count
         self._choose()
         return self
@@ -242,6 +244,8 @@ class CauseFinder(BaseEstimator):
             raise InputError(
                 f"report is {self.report!r}", allowed="a function that takes a line of text, or None"
             )
+        if isinstance(self.events, Event):
+            raise InputError("events is a single event", allowed="a list of events")
         for event in self.events or ():
             if not isinstance(event, Event):
                 raise InputError(
@@ -341,9 +345,16 @@ class CauseFinder(BaseEstimator):
         -------
         Gain
             If its interval does not exclude zero, or the placebo gains more, the verdict becomes "unknown",
-            `extended_simulator_` the recalibrated one, and places are ranked.
+            `extended_simulator_` the recalibrated one, and places are ranked. Where a placebo within the interval gains
+            no more, the verdict says so.
+
+        Raises
+        ------
+        InputError
+            If one of the recordings was fitted.
         """
         check_is_fitted(self, "extended_simulator_")
+        held_out = self._others(held_out)
         extended, placebo = self.extended_simulator_, None
         if self.placebo_ is not None:
             placebo = self.placebo_.simulator.with_step_of(extended).with_nominal(self.placebo_.theta)
@@ -357,7 +368,12 @@ class CauseFinder(BaseEstimator):
         )
         first = self.causes_[0]
         holds = gain.interval[1] >= 0 if first.event else gain.holds
-        if self.verdict_.kind in ("effect", "measurement") and not holds:
+        if self.verdict_.kind not in ("effect", "measurement"):
+            return gain
+        if holds:
+            verdict = self._verdict()
+            self.verdict_ = replace(verdict, text=verdict.text + conclusions.placebo_text(gain))
+        else:
             self.extended_simulator_ = self.recalibrated_simulator_
             self.causes_, self._chosen = conclusions.withdrawn(self.causes_), self._base
             self.verdict_ = Verdict("unknown", f"{conclusions.withdrawn_text(first, gain)} {self._located()}")
@@ -375,15 +391,31 @@ class CauseFinder(BaseEstimator):
         Gain or None
             Of what was named, see `measure_gain`; None where nothing was. The verdicts "parameters" and "within-noise"
             become "unknown" if the calibrated parameters, or those as they were, do not reproduce these recordings.
+
+        Raises
+        ------
+        InputError
+            If one of the recordings was fitted.
         """
         check_is_fitted(self, "extended_simulator_")
         if self.verdict_.kind in ("effect", "measurement"):
             return self.measure_gain(held_out)
         if self.verdict_.kind in ("parameters", "within-noise"):
-            self.verdict_ = self._judged(as_observations(self.simulator, held_out))
+            self.verdict_ = self._judged(self._others(held_out))
             if self.verdict_.kind == "unknown":
                 self.groups_ = []  # none of these explanations holds
         return None
+
+    def _others(self, held_out: Any) -> list[Observation]:
+        """Recordings as observations, if none of them was fitted."""
+        others = as_observations(self.simulator, held_out)
+        for other in others:
+            if any(np.array_equal(other.values, o.values, equal_nan=True) for o in self._base.observations):
+                raise InputError(
+                    f"the recording {other.event.name!r} is held out and was fitted: it confirms nothing",
+                    allowed="recordings that were not fitted",
+                )
+        return others
 
     def _verdict(self) -> Verdict:
         first = self.causes_[0]

@@ -250,9 +250,10 @@ class JointFit:
         self._search.tracks = self._ordered[:n]
         return self
 
-    def hypothesis(self) -> Hypothesis:
-        """What has been reached."""
-        return described(self.effects, self.problem, relieved(self._search, self.problem), self.objective)
+    def hypothesis(self, smooth: ArrayLike = True) -> Hypothesis:
+        """What has been reached, without the bias by noise of injected signals; for `smooth` see `relieved`."""
+        found = relieved(self._search, self.problem, smooth)
+        return described(self.effects, self.problem, found, self.objective)
 
 
 def candidates(

@@ -1,41 +1,50 @@
-"""Intervals of what a response does not react to where it is: thresholds, known as far as nothing would change."""
+"""Intervals of the parameters of effects: as far as others can follow without the recordings telling it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from errorscreen.calibration.intervals import posterior_covariance
 from errorscreen.calibration.problem import FitProblem
+from errorscreen.calibration.search import BoundedSearch
 from errorscreen.discovery.hypotheses import PRIOR, Hypothesis
+from errorscreen.discovery.own_noise import refitted
 from errorscreen.discovery.ranking import Cause, half_width, stamped
-from errorscreen.discovery.signatures import objectives, projected
+from errorscreen.discovery.signatures import objectives
+from errorscreen.threads import side_by_side
 
 #: causes that are less probable are not looked at closely
 _PROBABLE = 0.05
-#: the linear model says nothing of a parameter whose standard deviation is at least this share of the prior's
-_FLAT = 0.7
-#: values tried at once on each side, and how often what lies between the last good and the first bad one is divided
-_POINTS, _ROUNDS = 12, 4
-#: steps in which the other parameters follow
-_FOLLOWED = 2
+#: how often what lies between the last good and the first bad value is halved: to a hundredth of their distance
+_HALVINGS = 7
+#: iterations in which the other parameters follow to a value
+_FOLLOWED = 6
+#: of their search, see `BoundedSearch`
+_TOL, _STEP = 1e-2, 1e-4
 
 _Array = NDArray[np.float64]
 
 
-def with_profiles(causes: Sequence[Cause], hypotheses: Sequence[Hypothesis]) -> tuple[list[Cause], int]:
-    r"""Causes with profiled intervals for thresholds, timers and whatever the linear model says nothing of.
+def with_profiles(
+    causes: Sequence[Cause], hypotheses: Sequence[Hypothesis], random_state: int = 0
+) -> tuple[list[Cause], list[Hypothesis], int]:
+    r"""Causes with final values and profiled intervals of their parameters.
 
-    A recording in which a voltage of 326 V does nothing and one of 321 V trips tells of the threshold that it lies
-    between them; the derivative is zero anywhere there. Such a parameter is moved away from its value, the others
-    follow as the linear model says, and the interval goes on as long as the objective is
+    What is probable is fitted once more with the noise of injected signals that belongs to it (`refitted`). Limiters,
+    dead bands and timers have no slope that holds for long, and what lies at a bound is free on one side only: a
+    recording in which a voltage of 326 V does nothing and one of 321 V trips tells of the threshold that it lies
+    between them; the derivative is zero anywhere there. So each parameter is moved away from its value, all others are
+    fitted again inside their bounds, and the interval goes on as long as the objective is
 
     .. math:: F(\theta_j) \le F(\hat\theta) + w^2
 
     with w the half width in standard deviations (profile likelihood: Venzon and Moolgavkar, Applied Statistics 37,
-    1988). It ends at the prior's interval at the latest.
+    1988). It ends at the prior's interval at the latest. Where everything is smooth it is that of the linear model.
 
     Parameters
     ----------
@@ -46,96 +55,122 @@ def with_profiles(causes: Sequence[Cause], hypotheses: Sequence[Hypothesis]) -> 
     Returns
     -------
     causes : list of Cause
+    hypotheses : list of Hypothesis
+        Those of probable causes as they were fitted last, all others as they were, in the same order.
     n_simulations : int
     """
-    by_name = {h.name: h for h in hypotheses}
-    found, count = [], 0
+    fits, told, count = {h.name: h for h in hypotheses}, [], 0
     for cause in causes:
         if cause.parameters and cause.probability >= _PROBABLE:
-            hypothesis = by_name[cause.name]
-            parameters = dict(cause.parameters)
-            for name in _in_question(hypothesis, cause):
-                low, high, used = profile(hypothesis, name, half_width(hypothesis, cause.exact))
-                parameters[name] = stamped(hypothesis, name, (parameters[name][0], low, high))
-                count += used
+            fits[cause.name], others, used = refitted(fits[cause.name], random_state)
+            parameters, more = _profiled(cause, fits[cause.name], others)
             cause = replace(cause, parameters=parameters)
-        found.append(cause)
-    return found, count
+            count += used + more
+        told.append(cause)
+    return told, list(fits.values()), count
 
 
-def profile(hypothesis: Hypothesis, name: str, width: float) -> tuple[float, float, int]:
+def _profiled(
+    cause: Cause, hypothesis: Hypothesis, others: _Array
+) -> tuple[dict[str, tuple[float, float, float]], int]:
+    """Value and interval of each parameter of a cause, and the simulations that they took."""
+    width = half_width(hypothesis, cause.exact)
+    ends = side_by_side(
+        [partial(profile, hypothesis, name, width, others) for name in cause.parameters],
+        hypothesis.simulator.threads,
+    )
+    values = dict(zip(hypothesis.simulator.parameters.names, hypothesis.theta.tolist(), strict=True))
+    parameters = {
+        name: stamped(hypothesis, name, (values[name], low, high))
+        for name, (low, high, _) in zip(cause.parameters, ends, strict=True)
+    }
+    return parameters, sum(used for *_, used in ends)
+
+
+def profile(
+    hypothesis: Hypothesis, name: str, width: float, others: ArrayLike = ()
+) -> tuple[float, float, int]:
     """Lower and upper end of the profile interval of one parameter, and the simulations that it took.
 
     Parameters
     ----------
     hypothesis : Hypothesis
     name : str
-        Of a parameter that was fitted, and does not lie at a bound.
+        Of a parameter that was fitted.
     width : float
         Half width in standard deviations.
+    others : array-like of shape (s, k)
+        Where other fits have ended, in units of the scales: what does as well belongs to the interval.
     """
-    problem = FitProblem(hypothesis.simulator, list(hypothesis.observations), hypothesis.names)
-    u, j = hypothesis.u, hypothesis.names.index(name)
-    others = np.flatnonzero(hypothesis.free & (np.arange(len(u)) != j))
-    J, slope = hypothesis.jacobian[:, others], hypothesis.slope
-    # the others stay where they are, or go with it as far as they were fitted together
-    alone = np.eye(len(u))[j]
-    together = hypothesis.covariance[:, j] / hypothesis.covariance[j, j]
-    bounds = np.clip([u[j] - width * PRIOR, u[j] + width * PRIOR], *problem.scaled_bounds[:, j])
-    # the right values are where the tilted objective is lowest
-    lowest = float(objectives(problem, u[None])[0] - u @ slope)
-    ends = []
-    for outside in bounds:
-        inside = u
-        for _ in range(_ROUNDS):
-            moves = np.linspace(0.0, outside - inside[j], _POINTS + 1)[1:]
-            (first, at), (second, there) = [
-                _followed(problem, inside + np.outer(moves, way), J, others, slope)
-                for way in (alone, together)
-            ]
-            objective = np.minimum(first, second)
-            rows = np.where((first <= second)[:, None], at, there)
-            worse = np.flatnonzero(objective > lowest + width**2)
-            good = worse[0] if len(worse) else _POINTS
-            inside = rows[good - 1] if good else inside
-            if good == _POINTS:
+    path = _Path(hypothesis, name, width, others)
+    low, high = (path.end(sign) for sign in (-1.0, 1.0))
+    own = hypothesis.simulator.parameters[name]
+    scale = float(own.scale or 1.0)
+    return own.nominal + scale * low, own.nominal + scale * high, path.problem.n_simulations
+
+
+class _Path:
+    """Fits in which one parameter is given, and all others follow.
+
+    Parameters
+    ----------
+    hypothesis, name, width, others
+        See `profile`.
+    """
+
+    def __init__(self, hypothesis: Hypothesis, name: str, width: float, others: ArrayLike) -> None:
+        self.problem = FitProblem(hypothesis.simulator, list(hypothesis.observations), hypothesis.names)
+        self._u, self._j, self._slope = hypothesis.u, hypothesis.names.index(name), hypothesis.slope
+        self._others = np.flatnonzero(np.arange(len(self._u)) != self._j)
+        covariance = posterior_covariance(hypothesis.jacobian, PRIOR)
+        self._deviation = width * float(np.sqrt(covariance[self._j, self._j]))
+        # the others stay where they are, or go with it as far as they were fitted together
+        self._ways = np.eye(len(self._u))[self._j], covariance[:, self._j] / covariance[self._j, self._j]
+        self._bounds = self.problem.scaled_bounds
+        reach = width * PRIOR
+        self._last = np.clip([self._u[self._j] - reach, self._u[self._j] + reach], *self._bounds[:, self._j])
+        # the right values are where the tilted objective is lowest
+        rows = np.vstack([self._u, *np.reshape(others, (-1, len(self._u)))])
+        tilted = objectives(self.problem, rows) - rows @ self._slope
+        self._limit = float(tilted[0]) + width**2
+        self._good = rows[tilted <= self._limit]
+
+    def end(self, sign: float) -> float:
+        """How far the parameter can go, in multiples of its scale: ever faster, and then between good and bad."""
+        last = self._last[int(sign > 0)]
+        good, step = max(self._good, key=lambda row: float(sign * row[self._j])), sign * self._deviation
+        while sign * good[self._j] < sign * last:
+            aim = good[self._j] + step
+            bad = last if sign * aim >= sign * last else aim
+            row = self._followed(bad, good)
+            if row is None:
                 break
-            outside = rows[good, j]
-        ends.append(inside[j])
-    low, high = problem.space.nominal[j] + problem.space.scales[j] * np.array(ends)
-    return float(low), float(high), problem.n_simulations
+            good, step = row, 2.0 * step
+        else:
+            return float(last)
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (good[self._j] + bad)
+            row = self._followed(middle, good)
+            good, bad = (good, middle) if row is None else (row, bad)
+        return float(good[self._j])
 
-
-def _followed(
-    problem: FitProblem, rows: _Array, J: _Array, others: NDArray[np.int64], slope: _Array
-) -> tuple[_Array, _Array]:
-    """Tilted objectives at rows (n, k) and the rows after others have followed: simulated, not as the model says."""
-    lower, upper = problem.scaled_bounds
-    rows = np.clip(rows, lower, upper)
-
-    def tilted(rows: _Array) -> _Array:
-        return np.nan_to_num(objectives(problem, rows) - rows @ slope, nan=np.inf)
-
-    best, lowest = rows, tilted(rows)
-    for _ in range(_FOLLOWED):
-        predicted, steps = projected(problem, rows, J, others)
-        rows = rows.copy()
-        rows[:, others] += np.where(np.isfinite(predicted)[:, None], steps, 0.0)
-        rows = np.clip(rows, lower, upper)
-        objective = tilted(rows)
-        better = objective < lowest
-        lowest, best = np.minimum(lowest, objective), np.where(better[:, None], rows, best)
-    return lowest, best
-
-
-def _in_question(hypothesis: Hypothesis, cause: Cause) -> list[str]:
-    """Parameters of a cause inside their bounds: those of effects with many minima, others if nothing is known."""
-    found = []
-    for effect in hypothesis.effects:
-        for name in map(effect.local, (p.name for p in effect.parameters)):
-            if name in cause.parameters:
-                j = hypothesis.names.index(name)
-                flat = hypothesis.covariance[j, j] >= (_FLAT * PRIOR) ** 2
-                if hypothesis.free[j] and (flat or effect.minima > 1):
-                    found.append(name)
-    return found
+    def _followed(self, value: float, near: _Array) -> _Array | None:
+        """Others led to where the objective is below the limit, from those of a value that is near; None if not."""
+        starts = [near + (value - near[self._j]) * way for way in self._ways]
+        search = BoundedSearch(
+            lambda v: self.problem.residuals(self.problem.values(np.insert(v, self._j, value, axis=1))),
+            *self._bounds[:, self._others],
+            prior=PRIOR,
+            tol=_TOL,
+            step=_STEP,
+            central=False,
+        )
+        search.tilt(self._slope[self._others])
+        search.begin(np.array(starts)[:, self._others])
+        own = (value / PRIOR) ** 2 - value * self._slope[self._j]
+        for _ in range(_FOLLOWED):
+            if not search.tracks or search.best.cost + own <= self._limit or not search.iterate():
+                break
+        if not search.tracks or search.best.cost + own > self._limit:
+            return None
+        return np.insert(search.best.u, self._j, value)

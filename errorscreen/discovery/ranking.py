@@ -8,6 +8,7 @@ import numpy as np
 
 from errorscreen.discovery.competition import Competition
 from errorscreen.discovery.hypotheses import Hypothesis
+from errorscreen.events import Playback
 
 #: prior probability that something is missing at all
 _MISSING = 0.5
@@ -211,6 +212,8 @@ def stamped(
 ) -> tuple[float, float, float]:
     """Value and interval of a parameter, wider for a time: it is known no better than when readings were taken.
 
+    A timer begins to run where a signal that is injected crosses a threshold, at some instant between two samples.
+
     Parameters
     ----------
     hypothesis : Hypothesis
@@ -220,8 +223,10 @@ def stamped(
         Value, lower and upper end.
     """
     own = hypothesis.simulator.parameters[name]
-    age = max(getattr(o.event, "age", 0.0) for o in hypothesis.observations)
-    half = _WIDTH * age / 12**0.5 if own.unit == "s" else 0.0
+    played = [o.event for o in hypothesis.observations if isinstance(o.event, Playback)]
+    timers = [e.local(p.name) for e in hypothesis.effects if e.minima > 1 for p in e.parameters]
+    late = max((max(e.age, e.dt if name in timers else 0.0) for e in played), default=0.0)
+    half = _WIDTH * late / 12**0.5 if own.unit == "s" else 0.0
     value, low, high = interval
     low, high = value - float(np.hypot(value - low, half)), value + float(np.hypot(high - value, half))
     return value, max(own.lower, low), min(own.upper, high)

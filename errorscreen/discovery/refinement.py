@@ -14,6 +14,7 @@ from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery.growth import begun
 from errorscreen.discovery.hypotheses import Hypothesis, fit_hypothesis
 from errorscreen.discovery.journal import Journal
+from errorscreen.discovery.own_noise import own_noise
 from errorscreen.discovery.restarts import escapes, followed, off_the_edge, rested, searched
 from errorscreen.discovery.signatures import projected
 from errorscreen.discovery.standings import Standings
@@ -211,9 +212,7 @@ class Refinement(Standings):
         self._coarse.add(hypothesis.objective)
         reference = self.simulator.refined(_FINER)
         fine = hypothesis.simulator.with_step_of(reference)
-        before = fine.parameters.nominal  # noise was estimated without effects
-        before[[fine.parameters.index(e.local(e.strength.name)) for e in hypothesis.effects]] = 0.0
-        observations = [fine.quantified(o, hypothesis.theta, before) for o in hypothesis.observations]
+        observations = own_noise(hypothesis, fine)
         if self._promised(hypothesis, FitProblem(fine, observations, hypothesis.names)) > _LEFT:
             return hypothesis
         finer = self._refitted(hypothesis.effects, observations, reference, [hypothesis])

@@ -193,7 +193,7 @@ def _agreed(figures: str, simulator: Simulator, held_out: Sequence[Observation])
             "The simulation agrees with what was fitted within its noise, but not with what was held out: "
             f"{', '.join(failed)}. {figures} What is wrong does not show in what was fitted: fit those recordings.",
         )
-    more = f" So it does with {len(held_out)} that were held out." if held_out else ""
+    more = f" So it does with {_counted(held_out)} held out." if held_out else ""
     return Verdict(
         "within-noise", f"The simulation agrees with the recording within its noise.{more} {figures}"
     )
@@ -221,7 +221,7 @@ def _explained(figures: str, calibrator: Any, held_out: Sequence[Observation]) -
             f"{', '.join(failed)}. {figures} So they make up for something else, and its cause is not named here.",
         )
     judged = (
-        f"They also reproduce {len(held_out)} recordings that were not fitted."
+        f"They also reproduce {_counted(held_out)} not fitted."
         if held_out
         else "No recording was held out, so this is not confirmed on another event."
     )
@@ -242,6 +242,11 @@ def _explained(figures: str, calibrator: Any, held_out: Sequence[Observation]) -
         f"Values of the parameters reproduce the recording within its noise. {figures} {judged} Their intervals "
         f"exclude the nominal value for: {names}. {caution}",
     )
+
+
+def _counted(recordings: Sequence[Observation]) -> str:
+    """How many recordings, in words that a participle can follow."""
+    return "one recording that was" if len(recordings) == 1 else f"{len(recordings)} recordings that were"
 
 
 def _moved(calibrator: Any) -> list[str]:

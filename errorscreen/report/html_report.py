@@ -11,6 +11,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from errorscreen.discovery.conclusions import probable
 from errorscreen.exceptions import InputError, unknown_name
 from errorscreen.persistence import write_text_atomic
 from errorscreen.report.result_schema import Result, Verdict
@@ -144,5 +145,6 @@ def _template() -> Any:
         keep_trailing_newline=True,
     )
     environment.filters["num"] = format_number
+    environment.filters["probable"] = probable
     environment.globals["change"] = format_change
     return environment.from_string(files("errorscreen.report").joinpath("report.html.j2").read_text("utf-8"))

@@ -6,13 +6,15 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 
 from errorscreen.discovery import Cause, CauseFinder, Gain, Group
-from errorscreen.discovery.conclusions import LITTLE, other_places
+from errorscreen.discovery.conclusions import LITTLE, other_places, placebo_text
 from errorscreen.events import Playback
 from errorscreen.observations import Observation
 from errorscreen.simulators import Simulator
 
 #: assumptions about a recording that doubt its unit, base or sign
 _DOUBT = re.compile(r"before the event is .*: check ")
+#: fewer held-out recordings say little about others
+_FEW = 3
 #: where a case file lists what the search fits together
 _TOGETHER = "list it under [[together]] in the case file"
 
@@ -37,7 +39,12 @@ def doubts(observations: Sequence[Observation]) -> list[str]:
 
 
 def advice(
-    finder: CauseFinder, gain: Gain | None, hints: Sequence[str] = (), *, refuted: bool = False
+    finder: CauseFinder,
+    gain: Gain | None,
+    hints: Sequence[str] = (),
+    *,
+    refuted: bool = False,
+    confirmed: bool = False,
 ) -> list[str]:
     """What to check and what to measure next, in sentences.
 
@@ -51,6 +58,8 @@ def advice(
         See `doubts`. They come first whatever the verdict is: parameters and effects can make up for a wrong unit.
     refuted : bool
         Whether recordings that were held out contradict what was found.
+    confirmed : bool
+        Whether there are such recordings.
     """
     kind, first = finder.verdict_.kind, finder.causes_[0]
     out = [*hints, *(_apart(group) for group in finder.groups_)]
@@ -58,9 +67,31 @@ def advice(
         out += _to_locate(finder, refuted)
     elif first.event and kind == "effect":
         out.append(_about_the_event(first))
-    elif kind in ("effect", "measurement") and gain is None:
-        out.append("Record another event of the same unit: only that can confirm what was named.")
+    elif kind in ("effect", "measurement"):
+        out += _to_confirm(gain)
+    elif not confirmed:
+        out.append(
+            "Record another event of the same unit and hold it out: only that shows whether "
+            + ("these values hold" if kind == "parameters" else "the model as it is holds")
+            + " beyond what was fitted."
+        )
     return out
+
+
+def _to_confirm(gain: Gain | None) -> Iterator[str]:
+    """What would confirm what was named."""
+    if gain is None:
+        yield "Record another event of the same unit: only that can confirm what was named."
+    elif placebo_text(gain):
+        yield (
+            "What was held out gains as much from a wrong effect: record an event of another kind, depth or duration, "
+            f"and fit one of them together with this one ({_TOGETHER})."
+        )
+    elif len(gain.events) < _FEW:
+        yield (
+            f"Fewer than {_FEW} recordings were held out, which says little about other events: record some of the "
+            "same unit, of another kind, depth or duration."
+        )
 
 
 def _apart(group: Group) -> str:
@@ -95,6 +126,10 @@ def _about_the_event(cause: Cause) -> str:
 
 def _to_locate(finder: CauseFinder, refuted: bool) -> Iterator[str]:
     """Where something enters, and what would show what it is."""
+    whole = len(finder.simulator.effects_named(None))
+    tried = len(finder.simulator.effects_named(finder.effects))
+    if tried < whole and not refuted:
+        yield f"{whole - tried} of {whole} effects of the library were not tried: search with all of them."
     for place in finder.places_[:1]:
         what = _ports(finder.simulator, place.device).get(place.place)
         named = "" if what is None else f"the {what.removesuffix(' in pu')}, and "

@@ -90,7 +90,13 @@ def discover_causes(
         "gain": None if gain is None else asdict(gain),
         "first_look": looked,
         "first_look_compared": compared(looked, finder.best_.effects),
-        "advice": advice(finder, gain, doubts(everything), refuted=finder.verdict_.kind != kind),
+        "advice": advice(
+            finder,
+            gain,
+            doubts(everything),
+            refuted=finder.verdict_.kind != kind,
+            confirmed=bool(held_out),
+        ),
         "n_simulations": finder.n_simulations_ + count,
         "seconds": perf_counter() - started,
     }
@@ -222,7 +228,7 @@ def compared(looked: Sequence[dict[str, Any]], effects: Sequence[Effect]) -> str
 
 
 def fitted_parameters(hypothesis: Hypothesis, cause: Cause | None) -> list[dict[str, Any]]:
-    """Values of all parameters of a fitted model; what lies at a bound has no interval.
+    """Values of all parameters of a fitted model; what lies at a bound has an interval only if it was profiled.
 
     Parameters
     ----------
@@ -250,8 +256,8 @@ def fitted_parameters(hypothesis: Hypothesis, cause: Cause | None) -> list[dict[
                 "upper": p.upper,
                 "scale": p.scale,
                 "value": value,
-                "low": low if free[p.name] else None,
-                "high": high if free[p.name] else None,
+                "low": low if free[p.name] or low < high else None,
+                "high": high if free[p.name] or low < high else None,
                 "at_bound": not free[p.name],
             }
         )

@@ -183,7 +183,7 @@ def test_a_perfect_model_is_within_noise():
     assert finder.tried_ == ()
     finder.confirm(list(hidden.held_out))
     assert finder.verdict_.kind == "within-noise"
-    assert "2 that were held out" in finder.verdict_.text
+    assert "2 recordings that were held out" in finder.verdict_.text
     # what is wrong may show in other events only
     moved = [replace(o, values=o.values + 2 * o.noise[:, None]) for o in hidden.held_out]
     finder.groups_ = [Group(("parameters", "twin"), ())]

@@ -228,6 +228,7 @@ def test_times_are_known_no_better_than_readings_are_stamped():
         SimpleNamespace(
             simulator=SimpleNamespace(parameters=SPACE),
             observations=[SimpleNamespace(event=Playback(time, "held", 1.0, {"V": 1.0 + 0 * time}, age=age))],
+            effects=(),
         )
         for age in (0.2, 0.0)
     )
@@ -237,5 +238,13 @@ def test_times_are_known_no_better_than_readings_are_stamped():
     value, low, high = stamped(held, "trip.Tth", timer)
     half = 1.645 * 0.2 / np.sqrt(12)
     assert (value, low, high) == pytest.approx((1.0, 1.0 - np.hypot(0.01, half), 1.0 + np.hypot(0.02, half)))
+    # what starts a timer is crossed at any instant between two samples
+    trip = SimpleNamespace(
+        minima=8, local="trip.{}".format, parameters=[SimpleNamespace(name=name) for name in ("Vth", "Tth")]
+    )
+    read.effects = (trip,)
+    half = 1.645 * 0.1 / np.sqrt(12)
+    assert stamped(read, "trip.Tth", (1.0, 1.0, 1.0)) == pytest.approx((1.0, 1.0 - half, 1.0 + half))
+    assert stamped(read, "trip.Vth", threshold) == pytest.approx(threshold)
     # it stays inside of its bounds
     assert stamped(held, "trip.Tth", (0.31, 0.305, 0.32))[1] == 0.3

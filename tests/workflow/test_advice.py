@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from errorscreen.cases.demo import demo_recordings
-from errorscreen.discovery import Cause, Group, Place
+from errorscreen.discovery import Cause, Gain, Group, Place
 from errorscreen.power import DEVICES
 from errorscreen.recordings import Recording
 from errorscreen.simulators import PlantSimulator
@@ -17,15 +17,23 @@ PLACE = Place("synchronous_machine", "Efd", 0.9, 1.1, np.zeros(2), np.zeros(2), 
 HINTS = ["trip: P before the event is 72 pu: check its unit and base_mva."]
 
 
-def finder(kind, *causes, groups=(), places=()):
+GAIN = Gain(5.0, 3.0, 1.0, 0.8, (0.7, 0.9), 0.9, 0.1, (None, None, None))
+
+
+def library(names):
+    return ["exciter", "lag_P", "governor"] if names is None else list(names)
+
+
+def finder(kind, *causes, groups=(), places=(), effects=None):
     verdict, ports = SimpleNamespace(kind=kind), {"Efd": "field voltage"}
-    simulator = SimpleNamespace(device=SimpleNamespace(ports=ports))
+    simulator = SimpleNamespace(device=SimpleNamespace(ports=ports), effects_named=library)
     return SimpleNamespace(
         verdict_=verdict,
         causes_=list(causes),
         groups_=list(groups),
         places_=list(places),
         simulator=simulator,
+        effects=effects,
     )
 
 
@@ -38,7 +46,26 @@ def test_doubts_come_first_whatever_the_verdict():
     assert advice(finder("unknown", UNKNOWN, places=[PLACE]), None, HINTS)[0] == HINTS[0]
     assert advice(finder("effect", EXCITER, UNKNOWN), None, HINTS)[0] == HINTS[0]
     parameters = Cause("parameters", "Parameters", "parameters", 0.9, "", {}, 0.0, True)
-    assert advice(finder("parameters", parameters, UNKNOWN), None, HINTS) == HINTS
+    assert advice(finder("parameters", parameters, UNKNOWN), None, HINTS, confirmed=True) == HINTS
+
+
+def test_what_nothing_else_confirms_asks_for_another_event():
+    assert "hold it out: only that shows whether these values hold" in told(
+        finder("parameters", UNKNOWN), None
+    )
+    assert "whether the model as it is holds" in told(finder("within-noise", UNKNOWN), None)
+    few = replace(GAIN, events=(None,))
+    assert "Fewer than 3 recordings were held out" in told(finder("effect", EXCITER), few, confirmed=True)
+    # a wrong effect that gains as much, as far as the interval tells
+    alike = replace(GAIN, placebo=0.75)
+    assert "gains as much from a wrong effect" in told(finder("effect", EXCITER), alike, confirmed=True)
+    assert told(finder("effect", EXCITER), GAIN, confirmed=True) == ""
+
+
+def test_effects_that_were_not_tried_are_told_where_nothing_is_known():
+    text = told(finder("unknown", UNKNOWN, places=[PLACE], effects=["lag_P"]), None)
+    assert "2 of 3 effects of the library were not tried" in text
+    assert "not tried" not in told(finder("unknown", UNKNOWN, places=[PLACE]), None)
 
 
 def test_what_is_unknown_always_has_an_advice():
@@ -65,17 +92,17 @@ def test_ports_of_a_grid_are_those_of_the_unit_and_own_equations_have_none_descr
     place = replace(PLACE, device="pv_plant", place="Ip_cmd")
     unit = SimpleNamespace(model=DEVICES["pv_plant"])
     grid = finder("unknown", UNKNOWN, places=[place])
-    grid.simulator = SimpleNamespace(units_under_test=[unit], loads_under_test=[])
+    grid.simulator = SimpleNamespace(units_under_test=[unit], loads_under_test=[], effects_named=library)
     what = DEVICES["pv_plant"].ports["Ip_cmd"].removesuffix(" in pu")
     assert f"enters at Ip_cmd of the pv_plant: record the {what}, and" in told(grid, None)
     own = finder("unknown", UNKNOWN, places=[replace(PLACE, device="model", place="the equation of level")])
-    own.simulator = SimpleNamespace()
+    own.simulator = SimpleNamespace(effects_named=library)
     assert "at the equation of level of the model: record whatever acts on it." in told(own, None)
 
 
 def test_what_was_named_is_confirmed_by_another_event_unless_it_is_about_one():
     assert "Record another event" in told(finder("effect", EXCITER, UNKNOWN), None)
-    assert told(finder("effect", EXCITER, UNKNOWN), object()) == ""
+    assert told(finder("effect", EXCITER, UNKNOWN), GAIN) == ""
     late = replace(EXCITER, title="Fault of another duration", event=True)
     text = told(finder("effect", late, UNKNOWN), None)
     assert "Fault of another duration: this is about one recording alone" in text
@@ -84,7 +111,7 @@ def test_what_was_named_is_confirmed_by_another_event_unless_it_is_about_one():
 
 def test_what_cannot_be_told_apart_says_which_key_of_the_case_file_would():
     apart = Group(("exciter", "lag_P"), (("far fault", "Q", 40.0),))
-    text = told(finder("effect", EXCITER, UNKNOWN, groups=[apart]), object())
+    text = told(finder("effect", EXCITER, UNKNOWN, groups=[apart]), GAIN)
     assert "differ most in Q of an event like 'far fault', by 40 standard deviations" in text
     assert "fit that recording together with this one (list it under [[together]] in the case file)" in text
     assert "[[together]]" in told(
