@@ -120,13 +120,13 @@ def test_a_withdrawn_cause_is_told_as_withdrawn():
     assert "The extension" not in text
     for words in (
         HEADLINES["unknown"],
-        "Unknown – 1 – Withdrawn: Excitation control Efd 0 99.9 %",
+        "Unknown – 1.00 – Withdrawn: Excitation control Efd 0.00 99.9 %",
         "Withdrawn: Excitation control The search named it, and recordings that were not fitted do not confirm it, so "
         "the model is not extended by it. On them it adds 20 % of the squared error of the recalibrated model "
         "(interval of what it removes: -50 … 10 %), and a wrong effect does no worse.",
         "exciter.K gain pu 50 40 … 60",
         "Where something unknown enters",
-        "synchronous_machine Efd 0.9 1.2 95 % V (-0.8)",
+        "synchronous_machine Efd 0.90 1.2 95 % V (-0.8)",
         "What was withdrawn, with 3 parameters of its own, adds 20 % of the squared error",
         "Fit both together.",
     ):
