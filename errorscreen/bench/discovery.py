@@ -104,7 +104,8 @@ def discovery_study(
         ``unknown`` of the scenarios that hide one effect of the library or a measurement fault, ``false_alarm`` where
         nothing is hidden, ``missed`` where parameters were said to explain an effect, ``outside_unknown``,
         ``outside_place`` (right device) and ``outside_port`` of effects outside the library, ``both_found`` and
-        ``both_wrong`` of two effects, each ``{value, interval, n}``; ``by_kind`` and ``by_device``, how many had which
+        ``both_wrong`` of two effects, ``interval_holds``, how many intervals of the parameters of rightly named effects
+        hold the true value, each ``{value, interval, n}``; ``by_kind`` and ``by_device``, how many had which
         outcome; ``held_out_ratio_median``, error of the extended over that of the recalibrated model against the true
         response where the cause was named rightly; ``true_structure_ratio_median`` and ``..._p90``, the same over a fit
         of the true structure, and its 90 % quantile; ``expected_calibration_error`` and ``reliability``.
@@ -284,6 +285,7 @@ def run_scenario(
             "chi2_per_sample": finder.hypotheses_[0].chi2_per_sample,
         },
         "held_out": _held_out(hidden, finder),
+        "intervals": _intervals(hidden, finder) if named else [],
         "simulations": finder.n_simulations_,
         "seconds": seconds,
     }
@@ -320,6 +322,19 @@ def _top_is_right(hidden: Scenario, name: str) -> bool:
     if hidden.kind == "outside":
         return name == "unknown"
     return set(name.split(" + ")) == set(hidden.effects)
+
+
+def _intervals(hidden: Scenario, finder: CauseFinder) -> list[_Record]:
+    """True value, estimate and interval of each parameter of what is hidden; none where something else was named."""
+    effects = {effect.name: effect for effect in finder.best_.effects}
+    if not hidden.structure or set(effects) != set(hidden.structure):
+        return []
+    names = [effects[name].local(p.name) for name in hidden.structure for p in effects[name].parameters]
+    told = finder.causes_[0].parameters
+    return [
+        {"name": name, "true": true, "value": told[name][0], "interval": list(told[name][1:])}
+        for name, true in zip(names, hidden.values.tolist(), strict=True)
+    ]
 
 
 def _held_out(hidden: Scenario, finder: CauseFinder) -> dict[str, float | None]:

@@ -27,6 +27,7 @@ _RATES = {
     "outside_port": "outside of the library: right port",
     "both_found": "two effects hidden: both named",
     "both_wrong": "two effects hidden: something named that is not there",
+    "interval_holds": "90 % intervals of the parameters of effects named rightly: hold the true value",
 }
 #: limits of the sizes over which the power curve is drawn, in multiples of the noise
 _SIZES = (0.0, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0, np.inf)
@@ -53,7 +54,7 @@ def tables(result: dict[str, Any]) -> str:
         f"{result['noise_db']:g} dB, effects at least {result['least_size']:g} times the noise. In brackets: 95 % "
         "exact binomial interval.",
         "",
-        "| | rate | scenarios |",
+        "| | rate | of |",
         "|---|---|---|",
     ]
     for name, text in _RATES.items():

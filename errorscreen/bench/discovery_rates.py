@@ -37,6 +37,7 @@ def summarise(rows: Sequence[_Record]) -> dict[str, Any]:
         "outside_port": rate(outside, lambda r: _port(r) == (r["truth"]["device"], r["truth"]["place"])),
         "both_found": rate(both, lambda r: r["outcome"] == "correct"),
         "both_wrong": rate(both, lambda r: not set(r["named"]) <= set(r["truth"]["right"])),
+        "interval_holds": rate_of([_holds(found) for r in rows for found in r.get("intervals", [])]),
     }
     by_kind = {
         kind: {
@@ -96,6 +97,11 @@ def _device(record: _Record) -> str | None:
 
 def _port(record: _Record) -> tuple[str, str] | None:
     return (record["place"]["device"], record["place"]["port"]) if record["place"] else None
+
+
+def _holds(found: _Record) -> bool:
+    low, high = found["interval"]
+    return bool(low <= found["true"] <= high)
 
 
 def _ratio(rows: Sequence[_Record], above: str, below: str, quantile: float = 0.5) -> float | None:

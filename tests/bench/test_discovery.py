@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from errorscreen.bench import discovery_study, scenarios
+from errorscreen.bench.discovery import run_scenario
 from errorscreen.bench.discovery_output import by_size, power_figure
 from errorscreen.bench.grid_scenarios import draw_grid_scenario
 from errorscreen.bench.hidden_effects import OTHER_FORMS, OUTSIDE
@@ -187,6 +188,21 @@ def test_a_study_of_some_kinds_and_sizes(tmp_path):
         discovery_study(
             tmp_path, lambda text: None, scenarios=2, n_jobs=1, **{**options, "largest_size": 0.04}
         )
+
+
+def test_a_scenario_tells_intervals_beside_true_values():
+    hidden = draw_plant_scenario(
+        np.random.SeedSequence(6, spawn_key=(0,)).spawn(2)[0], 40.0, kind="measurement"
+    )
+    found = run_scenario("plant", 6, 0, 40.0, 3.0, "measurement")
+    assert found["named"] == list(hidden.hidden)
+    assert [entry["true"] for entry in found["intervals"]] == hidden.values.tolist()
+    for entry in found["intervals"]:
+        assert entry["name"].startswith(hidden.hidden[0])
+        low, high = entry["interval"]
+        assert low <= entry["value"] <= high
+        # not whether it holds the truth, which one in ten need not, but that both are of the same parameter
+        assert abs(entry["true"] - entry["value"]) < 5 * (high - low)
 
 
 def test_a_study_goes_on_where_it_stopped(tmp_path, capsys):

@@ -2,6 +2,7 @@
 
 import pytest
 
+from errorscreen.bench.discovery_output import tables
 from errorscreen.bench.discovery_rates import summarise
 from tests.bench.test_discovery import record
 
@@ -32,3 +33,22 @@ def test_rates_count_what_they_say():
     assert found["expected_calibration_error"] == pytest.approx(
         (13 * abs((10 * 0.9 + 3 * 1.0) / 13 - 10 / 13) + 2 * 0.6 + 0.8) / 16
     )
+
+
+def test_intervals_are_counted_over_all_parameters():
+    found = [
+        {"name": f"a.{i}", "true": true, "value": 1.0, "interval": [0.9, 1.2]}
+        for i, true in enumerate((0.9, 1.1, 1.3))
+    ]
+    rows = [
+        record("effect", "correct", intervals=found[:2]),
+        record("two effects", "correct", intervals=found[2:]),
+    ]
+    rows.append(record("nothing", "correct", intervals=[]))
+    result = summarise(rows)
+    holds = result["rates"]["interval_holds"]
+    assert (holds["value"], holds["n"]) == (pytest.approx(2 / 3), 3)
+    table = tables(
+        {"case": "plant", "seed": 1, "noise_db": 40.0, "least_size": 3.0, "scenarios": rows, **result}
+    )
+    assert "hold the true value | 0.667" in table
