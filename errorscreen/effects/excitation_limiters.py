@@ -1,7 +1,7 @@
 r"""Limiters of the excitation: field current, stator current, under-excitation, volts per hertz.
 
 Each integrates the excess of its quantity over a limit and takes that from the field voltage, or adds it (the
-summed-type limiters of IEEE Std 421.5-2016, sections 9 to 12, with an integral action and no wind-up):
+summed-type limiters of IEEE Std 421.5-2016, types OEL, UEL and SCL, with an integral action and no wind-up):
 
 .. math::
 
@@ -75,7 +75,7 @@ def _start_flux(values: Values, h: float) -> Values:
     return _above(values["VHz_max"], values["V"])
 
 
-_SOURCE = "IEEE Std 421.5-2016, sections 9 to 12"
+_SOURCE = "after the summed-type limiters of IEEE Std 421.5-2016 (types OEL, UEL, SCL)"
 
 FIELD_CURRENT_LIMITER = Effect(
     name="field_limiter",

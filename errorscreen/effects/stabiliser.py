@@ -1,6 +1,6 @@
 r"""Power system stabiliser: a signal of speed that acts on the field voltage.
 
-Washout and one lead-lag as in the single-input stabiliser PSS1A (IEEE Std 421.5-2016, section 8.2), with the gain of
+Washout and one lead-lag as in the single-input stabiliser PSS1A (IEEE Std 421.5-2016), with the gain of
 the exciter included, because the machine may have none:
 
 .. math::
@@ -42,6 +42,6 @@ STABILISER = Effect(
     formula="Efd = Efd* + K · (1 + s T1) / (1 + s T2) · s TW / (1 + s TW) · (ω − 1), limited to ± 2 pu",
     description="The stabiliser modulates the field voltage with the speed, so that swings of active power die out "
     "faster, and the reactive power swings along. A model without it swings too long.",
-    source="IEEE Std 421.5-2016, section 8.2 (PSS1A)",
+    source="IEEE Std 421.5-2016, type PSS1A",
     confused_with=("a larger damping coefficient D", "a governor", "an exciter"),
 )

@@ -65,7 +65,7 @@ TEXTS: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
         ("saturation of the measurement", "saturation of the input"),
     ),
     "dead_band": (
-        "Dead band", "v − clip(v − c, −b, b)", "IEEE Std 421.5, annex on dead bands",
+        "Dead band", "v − clip(v − c, −b, b)", "Gelb and Vander Velde, Multiple-Input Describing Functions, 1968",
         "Small changes of {v} about c have no effect.", ("backlash", "Coulomb friction"),
     ),
     "saturation": (
