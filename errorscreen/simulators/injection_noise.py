@@ -181,18 +181,22 @@ def _changes(run: _Run, response: _Array, noise: _Array) -> _Run:
 def _passed(changed: _Run, event: Playback, inputs: _Inputs, channels: tuple[str, ...]) -> _Array:
     """Variance (R, L) of what the noise of the injected signals makes of the error at once.
 
-    A signal that is moved up and down from sample to sample leaves slow dynamics at rest, so that one simulation shows
-    at every sample how much of its noise passes through the device there. The noise of a signal that is also compared
+    A signal that is moved up and down for two samples each leaves slow dynamics at rest, so that two simulations show
+    at every sample how much of its noise passes through the device there. Of white noise that is read between two
+    samples, a part f after the first, 1 − 2 f (1 − f) of the variance is left, and as much of the two courses together;
+    of a course that changes from sample to sample it would be (1 − 2 f)². The noise of a signal that is also compared
     moves both sides.
     """
-    alternating = np.where(np.arange(len(event.time)) % 2, -1.0, 1.0)
+    samples = np.arange(len(event.time))
     total = np.zeros((len(channels), len(event.time)))
     for name, (shape, sigma) in inputs.items():
         size = sigma * shape[0]
-        change = changed(_moved(event, name, size * alternating))
-        if name in channels:
-            change[channels.index(name)] -= size * alternating
-        total += change**2
+        for first in (0, 1):
+            course = size * np.where((samples + first) // 2 % 2, -1.0, 1.0)
+            change = changed(_moved(event, name, course))
+            if name in channels:
+                change[channels.index(name)] -= course
+            total += 0.5 * change**2
     # where the model itself jumps, the change is no noise
     return np.asarray(median_filter(total, size=(1, 5)))
 

@@ -82,6 +82,46 @@ def test_behind_a_filter_less_noise_is_expected_but_never_none():
     assert simulator.quantified(little, filtered, off).noise[0] == pytest.approx(1e-5)
 
 
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.5])
+def test_between_two_samples_as_much_less_noise_passes_as_of_white_noise(share):
+    """What follows the voltage at once, read between two samples, has 2 f (1 - f) of its variance less."""
+    event = replace(dip(), noise={"V": 5e-3})
+
+    def read(event, share=0.0, **options):
+        V = event.signals["V"]
+        return ((1 - share) * V + share * np.r_[V[0], V[:-1]])[None]
+
+    def skewed(event, **options):
+        return read(event, share)
+
+    observation = Observation(event, read(event), np.array([2e-2]), ("P",), ("pu",))
+    found = injection_noise.quantified(observation, skewed, event.dt, read)
+    less = observation.noise[0] ** 2 - found.noise[0] ** 2
+    assert less == pytest.approx(2 * share * (1 - share) * 5e-3**2, rel=1e-9, abs=1e-15)
+
+
+def test_the_noise_that_a_clock_skew_leaves_of_a_plant_is_that_of_other_draws():
+    simulator = plant("pv_plant", replace(dip(), noise={"V": 5e-3})).extend("skew_P")
+    off = simulator.parameters.nominal
+    off[simulator.parameters.index("skew_P.d")] = 0.0
+    skewed = off.copy()
+    skewed[simulator.parameters.index("skew_P.d")] = 1.5 * simulator.event.dt
+    observation = seen(simulator, 2e-2)
+    found = simulator.quantified(observation, skewed, off)
+    event, before = simulator.event, observation.time < 0.9
+    rng, variance = np.random.default_rng(0), []
+    for theta in (off, skewed):
+        drawn = []
+        for _ in range(30):
+            noisy = event.signals["V"] + 5e-3 * rng.standard_normal(len(event.time))
+            response = simulator.simulate(theta, replace(event, signals={**event.signals, "V": noisy}))
+            drawn.append(np.var(response.values[0, 0, before]))
+        variance.append(np.mean(drawn))
+    left = variance[0] - (observation.noise[0] ** 2 - found.noise[0] ** 2)
+    assert left == pytest.approx(variance[1], rel=0.3)  # the plant's is not quite white
+    assert left < 0.6 * variance[0]
+
+
 def test_the_energy_of_passed_noise_is_that_of_other_draws_and_the_same_at_every_call(monkeypatch):
     monkeypatch.setattr(injection_noise, "_MOST_JUMPS", 0)  # noise alone
     simulator, off = lagged(0.0)
