@@ -1,0 +1,123 @@
+"""How long a full ``errorscreen run`` takes: renews its table in the docs.
+
+``python benchmarks/run_times.py OUT [SEED]``: hides causes in recordings as `errorscreen bench discovery` does, writes
+each scenario as text files with a case file, as a user has them, and runs the command on it in a new process. The first
+one of each case is run before, to compile. Let nothing else run. Cases and reports stay in OUT.
+"""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+import pandas as pd
+
+from errorscreen.bench.grid_scenarios import draw_grid_scenario
+from errorscreen.bench.plant_scenarios import draw_plant_scenario
+from errorscreen.bench.timing import machine
+from errorscreen.events import BusFault, GridEvent
+from errorscreen.persistence import write_text_atomic
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+SEED, NOISE_DB = 4409, 40.0
+#: what draws the scenarios of a case, and what they hide in turn
+CASES = {
+    "plant": (
+        draw_plant_scenario,
+        ("nothing", *2 * ("effect",), *2 * ("other form",), *2 * ("two effects",), *3 * ("outside",)),
+    ),
+    "39-bus system": (draw_grid_scenario, ("effect", "two effects", *2 * ("outside",))),
+}
+#: events of the grid that are held out
+HELD_OUT = ("fault at bus 16", "line 2-3 out")
+#: channels whose name is another one in a case file
+_CASE_NAMES = {"U": "V"}
+
+
+def write_case(folder, scenario):
+    """Recordings of a scenario as text files, and the case file that reads them."""
+    folder.mkdir(parents=True, exist_ok=True)
+    grid = isinstance(scenario.recordings[0].event, GridEvent)
+    held_out = [o for o in scenario.held_out if not grid or o.event.name in HELD_OUT]
+    lines = []
+    for k, observation in enumerate([*scenario.recordings, *held_out]):
+        event = observation.event
+        channels = dict(zip(observation.channels, observation.values, strict=True))
+        channels |= {} if grid else event.signals
+        pd.DataFrame({"time": observation.time, **channels}).to_csv(folder / f"{k}.csv", index=False)
+        titles = (
+            "[recording]",
+            *["[[together]]"] * (len(scenario.recordings) - 1),
+            *["[[held_out]]"] * len(held_out),
+        )
+        lines += [titles[k], f'path = "{k}.csv"', f"event_time = {event.start}"]
+        if grid:
+            lines.append(_happened(event))
+        if k == 0:
+            columns = ", ".join(f'{_CASE_NAMES.get(c, c)} = {{ column = "{c}" }}' for c in channels)
+            lines += ["base_mva = 100.0", "f_nominal = 60.0", f"columns = {{ {columns} }}"]
+    lines.append(
+        '[grid]\ncase = "ieee39"' if grid else f'[device]\ntype = "{scenario.simulator.device.name}"'
+    )
+    write_text_atomic(folder / "case.toml", "\n".join(lines) + "\n")
+
+
+def _happened(event):
+    """Line of a case file that says what happened in the grid."""
+    if isinstance(event, BusFault):
+        impedance = complex(event.impedance)
+        fault = f"bus = {event.bus}, duration = {event.duration}"
+        return f"fault = {{ {fault}, resistance = {impedance.real}, reactance = {impedance.imag} }}"
+    return f"line_trip = {{ ends = {list(event.ends)} }}"
+
+
+def run(folder):
+    """Seconds of the command on a case, and its result."""
+    start = perf_counter()
+    out = folder / "report"
+    command = [
+        sys.executable,
+        "-m",
+        "errorscreen",
+        "run",
+        str(folder / "case.toml"),
+        "--out",
+        str(out),
+        "--fresh",
+    ]
+    subprocess.run(command, check=True, capture_output=True)
+    return perf_counter() - start, json.loads((out / "result.json").read_text(encoding="utf-8"))
+
+
+def main(out, seed=SEED):
+    """Time all of them, and write the table."""
+    lines = ["| | hidden | verdict | thousand simulations | seconds |", "|---|---|---|---|---|"]
+    for case, (draw, kinds) in CASES.items():
+        for k, kind in enumerate(kinds):
+            folder = Path(out) / f"{case.split('-')[0]}-{k}"
+            scenario = draw(np.random.SeedSequence([seed, k]), NOISE_DB, kind=kind)
+            write_case(folder, scenario)
+            if k == 0:
+                run(folder)
+            seconds, result = run(folder)
+            found = ", ".join(cause["name"] for cause in result["verdict"]["causes"][:1])
+            simulations = result["run"]["n_simulations"] / 1e3
+            hidden = " + ".join(scenario.hidden) or "nothing"
+            cells = (
+                case,
+                f"{kind}: `{hidden}`",
+                result["verdict"]["kind"],
+                f"{simulations:.0f}",
+                f"{seconds:.0f}",
+            )
+            lines.append(f"| {' | '.join(cells)} |")
+            print(lines[-1], found, flush=True)
+    on = machine()
+    lines.append(f"\nSeed {seed}, {NOISE_DB:g} dB, {on['cores']} cores ({on['processor']}), one run each.")
+    write_text_atomic(DOCS / "tables" / "run_times.md", "\n".join(lines) + "\n")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:2], *(int(n) for n in sys.argv[2:]))
