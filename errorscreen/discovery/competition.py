@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from itertools import combinations
 from zlib import crc32
 
 import numpy as np
 
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.discovery.growth import Growth, begun, outgrown
+from errorscreen.discovery.growth import STARTS, Growth, begun, outgrown
 from errorscreen.discovery.hypotheses import Hypothesis, JointFit, linearised
 from errorscreen.discovery.journal import Journal
 from errorscreen.discovery.refinement import NAMED, PART, WORTH, Refinement
@@ -31,6 +32,8 @@ _CLEARLY_NOISE = 0.2
 _TIMES = 3
 #: fits that reach the end of a race, for each that is fitted to the end elsewhere
 _ARRIVE = 0.5
+#: most pairs that are all tried, and starts of each
+_MOST_PAIRS, _PAIR_STARTS = 300, 3
 
 
 class Competition(Refinement):
@@ -104,17 +107,19 @@ class Competition(Refinement):
                 break
             base = best
 
-    def _race(self, among: Sequence[Hypothesis], candidates: Sequence[Effect]) -> None:
-        """Add every other effect to each of some hypotheses, and let all of them grow with the recordings."""
+    def _race(self, sets: Mapping[tuple[Effect, ...], Hypothesis], starts: int = STARTS) -> None:
+        """Let fits of some sets of effects grow with the recordings, each from a fit of some of them, or of none."""
         bases: dict[frozenset[Effect], Hypothesis] = {}
         problems: dict[tuple[Effect, ...], FitProblem] = {}
-        for base in among:
-            for effect in candidates:
-                effects = (*base.effects, effect)
-                if effect not in base.effects and frozenset(effects) not in bases:
-                    bases[frozenset(effects)] = base
-                    problems[effects] = FitProblem(base.simulator.extend(effect), list(base.observations))
-        self.tell(f"{len(problems)} growing fits beside {' and beside '.join(base.name for base in among)}")
+        for effects, base in sets.items():
+            if frozenset(effects) not in bases:
+                bases[frozenset(effects)] = base
+                simulator = base.simulator
+                for effect in effects[len(base.effects) :]:
+                    simulator = simulator.extend(effect)
+                problems[effects] = FitProblem(simulator, list(base.observations))
+        beside = " and beside ".join(dict.fromkeys(base.name for base in bases.values()))
+        self.tell(f"{len(problems)} growing fits beside {beside}")
 
         def begin(effects: tuple[Effect, ...], n: int) -> Growth:
             base = bases[frozenset(effects)]
@@ -122,8 +127,9 @@ class Competition(Refinement):
 
         fits = [partial(begin, effects) for effects in problems]
         arrive = max(1, round(_ARRIVE * self.n_fits))
-        self._compete(problems, lambda: outgrown(fits, arrive, self.tell, self.simulator.threads))
-        self._lead(sorted(self.with_effects(len(among[0].effects) + 1), key=lambda h: h.objective))
+        self._compete(problems, lambda: outgrown(fits, arrive, self.tell, self.simulator.threads, starts))
+        size = len(next(iter(problems)))
+        self._lead(sorted(self.with_effects(size), key=lambda h: h.objective))
         self.n_simulations += sum(problem.n_simulations for problem in problems.values())
 
     @property
@@ -152,11 +158,17 @@ class Competition(Refinement):
 
         Forward selection may have begun with an effect that imitates another one: a long ramp looks like a cessation.
         And a signature beside the right one may promise little: that and the parameters have made up for the second.
+        Where neither of two promises anything without the other, all pairs are tried, unless they are too many.
         """
         best = self.nearest(self.max_effects)
         if self.adequate or best is None or len(best.effects) < 2:
             return
-        if not self.explained(len(best.effects), PART):  # hardly one of them is right
+        if not self.explained(
+            len(best.effects), PART
+        ):  # hardly one of them is right: nothing says where to begin
+            pairs = list(combinations(candidates, 2))
+            if len(pairs) <= _MOST_PAIRS:
+                self._race(dict.fromkeys(pairs, self.base), _PAIR_STARTS)
             return
         sets = [tuple(e for e in best.effects if e is not dropped) for dropped in best.effects]
         fewer = [h for h in self.with_effects(len(best.effects) - 1) if self.leaves_less(h, PART)]
@@ -170,7 +182,7 @@ class Competition(Refinement):
             if base is not None:
                 bases.append(base)
         if not self.adequate:
-            self._race(bases, candidates)
+            self._race({(*b.effects, e): b for b in bases for e in candidates if e not in b.effects})
 
     def _signatures(self, base: Hypothesis, effects: Sequence[Effect]) -> list[SignatureSearch]:
         """Searches for signatures at the fitted values, without effects also at the nominal ones; the best first."""

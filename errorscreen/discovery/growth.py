@@ -41,8 +41,10 @@ _PARTS = (
 _SCATTERED, _WIDTHS = 64, (0.5, 1.0, 3.0)
 #: simulations with all parameters drawn together, for each start
 _DRAWN = 64
-#: rounds of a race: starts of each fit, and after which part how many go on for each that is fitted to the end
-_RACE = ((6, ((1, 8), (3, 2))), (16, ((3, 1), (len(_PARTS), 1))))
+#: starts of each fit in the first round of a race, and in the second one
+STARTS, _MORE_STARTS = 6, 16
+#: rounds of a race: after which part how many go on for each that is fitted to the end
+_FIRST, _SECOND = ((1, 8), (3, 2)), ((3, 1), (len(_PARTS), 1))
 
 _Array = NDArray[np.float64]
 
@@ -141,7 +143,11 @@ def begun(
 
 
 def outgrown(
-    fits: Iterable[Callable[[int], Growth]], n: int, tell: Callable[[str], None], threads: int = 1
+    fits: Iterable[Callable[[int], Growth]],
+    n: int,
+    tell: Callable[[str], None],
+    threads: int = 1,
+    starts: int = STARTS,
 ) -> Sequence[JointFit]:
     """Let fits grow side by side, and fit those that get furthest to all of the recordings.
 
@@ -157,11 +163,13 @@ def outgrown(
         Takes lines of text.
     threads : int
         Of which each has one fit at a time.
+    starts : int, default 6
+        Of each in the first round.
     """
     begin = list(fits)
     grown: list[Growth] = []
-    for starts, cuts in _RACE:
-        grown = side_by_side([partial(fit, starts) for fit in begin], threads)
+    for number, cuts in ((starts, _FIRST), (_MORE_STARTS, _SECOND)):
+        grown = side_by_side([partial(fit, number) for fit in begin], threads)
         for parts, kept in cuts:
             well = attempted([partial(growth.run, parts) for growth in grown], threads)
             running = [(fit, one) for fit, one in zip(begin, well, strict=True) if one is not None]

@@ -1,12 +1,15 @@
 """Which hypotheses are fitted again with a smaller step, and which effects go on to finer signatures."""
 
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
 
+from errorscreen.bench.plant_scenarios import draw_plant_scenario
 from errorscreen.calibration import MAPCalibrator
 from errorscreen.calibration.problem import FitProblem
+from errorscreen.discovery import CauseFinder
 from errorscreen.discovery import competition as competition_module
 from errorscreen.discovery.competition import Competition
 from errorscreen.discovery.hypotheses import parameters_only
@@ -108,12 +111,8 @@ def test_an_effect_that_imitates_another_one_is_exchanged(monkeypatch):
     assert found.adequate[0].theta == pytest.approx([0.45, 4.4, 0.6, 0.4], rel=0.05)
 
 
-@pytest.mark.parametrize(
-    ("pair", "exchanged"),
-    [(("lag_position", NAMES[0]), True), (("velocity.drag(position)", "velocity.viscous(velocity)"), False)],
-    ids=["leaves little", "leaves most"],
-)
-def test_only_a_pair_that_leaves_less_than_half_is_exchanged(pair, exchanged, monkeypatch):
+def raced(monkeypatch, pair, candidates=None):
+    """Sets of effects of the races where a pair comes nearest to noise, and what each of them begins with."""
     simulator = oscillator(push(time=TIME), step=0.05)
     known = {effect.name: effect for effect in simulator.effects}
     effects = [known[name] for name in pair]
@@ -123,10 +122,28 @@ def test_only_a_pair_that_leaves_less_than_half_is_exchanged(pair, exchanged, mo
     monkeypatch.setattr(
         Competition, "_select", lambda self, _: self._refit(effects, self.base, [self.base], everywhere=False)
     )
-    monkeypatch.setattr(Competition, "_race", lambda self, among, _: races.append(among))
+    monkeypatch.setattr(Competition, "_race", lambda self, sets, *starts: races.append(sets))
     monkeypatch.setattr(Competition, "_spread", lambda self: None)
-    found.run(simulator.effects)
-    assert bool(races) == exchanged
+    found.run([known[name] for name in candidates] if candidates else simulator.effects)
+    return races
+
+
+LEAVES_LITTLE = ("lag_position", NAMES[0])
+LEAVES_MOST = ("velocity.drag(position)", "velocity.viscous(velocity)")
+
+
+def test_others_are_tried_in_place_of_each_effect_of_a_pair_that_leaves_less_than_half(monkeypatch):
+    (sets,) = raced(monkeypatch, LEAVES_LITTLE)
+    assert all(set(base.effects) == set(effects[:-1]) and base.effects for effects, base in sets.items())
+    assert {e.name for base in sets.values() for e in base.effects} >= set(LEAVES_LITTLE)
+
+
+def test_all_pairs_are_tried_where_the_nearest_leaves_more_unless_they_are_too_many(monkeypatch):
+    assert raced(monkeypatch, LEAVES_MOST) == []
+    candidates = (*LEAVES_MOST, *NAMES, "lag_position")
+    (sets,) = raced(monkeypatch, LEAVES_MOST, candidates)
+    assert [{e.name for e in effects} for effects in sets] == [set(p) for p in combinations(candidates, 2)]
+    assert not any(base.effects for base in sets.values())
 
 
 @pytest.mark.parametrize(
@@ -147,9 +164,22 @@ def test_an_exchange_also_begins_at_the_best_single_effects(alone, joined, monke
     for names in [(name,) for name in alone] + [pair]:
         found._refit([known[name] for name in names], found.base, [found.base], everywhere=False)
     races = []
-    monkeypatch.setattr(Competition, "_race", lambda self, among, _: races.append(among))
+    monkeypatch.setattr(Competition, "_race", lambda self, sets, *starts: races.append(sets))
     found._exchange(simulator.effects)
-    assert {base.name for base in races[0]} == {*pair, *joined}
+    assert {base.name for base in races[0].values()} == {*pair, *joined}
+
+
+def test_a_pair_of_which_neither_explains_anything_alone_is_found():
+    """A lag and a ramp of active power: a trip, which is not there, leaves less beside the ramp than the lag does."""
+    streams = np.random.SeedSequence(874, spawn_key=(100,)).spawn(2)
+    hidden = draw_plant_scenario(streams[0], 40.0)
+    assert hidden.hidden == ("lag_active", "ramp")
+    finder = CauseFinder(hidden.simulator, effects=["lag_active", "ramp", "trip"], random_state=0)
+    finder.fit(list(hidden.recordings))
+    assert [cause.name for cause in finder.causes_ if cause.probability > 0.9] == ["lag_active + ramp"]
+    whole = finder.remainders_["parameters"].excess
+    alone = [finder.remainders_[h.name].excess for h in finder.hypotheses_ if len(h.effects) == 1]
+    assert min(alone) > 0.5 * whole
 
 
 def test_a_second_effect_that_no_signature_promises_is_found_by_growing_fits(monkeypatch):
