@@ -170,7 +170,7 @@ def test_an_exchange_also_begins_at_the_best_single_effects(alone, joined, monke
 
 
 def test_a_pair_of_which_neither_explains_anything_alone_is_found():
-    """A lag and a ramp of active power: a trip, which is not there, leaves less beside the ramp than the lag does."""
+    """Alone each leaves nearly all of what parameters leave, and a trip, which is not there, less."""
     streams = np.random.SeedSequence(874, spawn_key=(100,)).spawn(2)
     hidden = draw_plant_scenario(streams[0], 40.0)
     assert hidden.hidden == ("lag_active", "ramp")
