@@ -53,8 +53,8 @@ class Competition(Refinement):
 
     Attributes
     ----------
-    hypotheses, remainders, scores
-        See `Standings`.
+    hypotheses, remainders, scores, measured
+        See `Standings` and `Refinement`.
     signatures : dict of str to float
         Objective that each effect promised.
     n_simulations : int

@@ -203,7 +203,9 @@ class CauseFinder(BaseEstimator):
             self._count += self._calibrator.n_simulations_
         self.remainders_, self.scores_, self.signatures_ = found.remainders, found.scores, found.signatures
         ranked = sorted(found.hypotheses, key=lambda h: -found.scores[h.name])
-        self.causes_, self.hypotheses_, count = with_profiles(rank_causes(found), ranked, self._seed)
+        self.causes_, self.hypotheses_, count = with_profiles(
+            rank_causes(found), ranked, found.measured, self._seed
+        )
         self.n_simulations_ = self._count + found.n_simulations + count
         self._choose()
         return self

@@ -16,6 +16,7 @@ from errorscreen.discovery.hypotheses import PRIOR, Hypothesis
 from errorscreen.discovery.own_noise import refitted
 from errorscreen.discovery.ranking import Cause, half_width, stamped
 from errorscreen.discovery.signatures import objectives
+from errorscreen.observations import Observation
 from errorscreen.threads import side_by_side
 
 #: causes that are less probable are not looked at closely
@@ -31,7 +32,10 @@ _Array = NDArray[np.float64]
 
 
 def with_profiles(
-    causes: Sequence[Cause], hypotheses: Sequence[Hypothesis], random_state: int = 0
+    causes: Sequence[Cause],
+    hypotheses: Sequence[Hypothesis],
+    measured: Sequence[Observation],
+    random_state: int = 0,
 ) -> tuple[list[Cause], list[Hypothesis], int]:
     r"""Causes with final values and profiled intervals of their parameters.
 
@@ -51,6 +55,9 @@ def with_profiles(
     causes : sequence of Cause
     hypotheses : sequence of Hypothesis
         Those that the causes stand for. Causes that are improbable are left as they are.
+    measured : sequence of Observation
+        With the noise that was estimated without effects.
+    random_state : int
 
     Returns
     -------
@@ -62,7 +69,7 @@ def with_profiles(
     fits, told, count = {h.name: h for h in hypotheses}, [], 0
     for cause in causes:
         if cause.parameters and cause.probability >= _PROBABLE:
-            fits[cause.name], others, used = refitted(fits[cause.name], random_state)
+            fits[cause.name], others, used = refitted(fits[cause.name], measured, random_state)
             parameters, more = _profiled(cause, fits[cause.name], others)
             cause = replace(cause, parameters=parameters)
             count += used + more

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,9 @@ _HALVING = ((16, 3), (8, 6), (6, SLICE * SLICES))
 _Array = NDArray[np.float64]
 
 
-def own_noise(hypothesis: Hypothesis, simulator: Simulator) -> list[Observation]:
+def own_noise(
+    hypothesis: Hypothesis, simulator: Simulator, measured: Sequence[Observation]
+) -> list[Observation]:
     """Observations of a hypothesis with the noise of injected signals as it passes through the model with its effects.
 
     A slow control of the reactive power with a large gain makes slow errors of the noise of the voltage, one with a lag
@@ -34,13 +37,18 @@ def own_noise(hypothesis: Hypothesis, simulator: Simulator) -> list[Observation]
     hypothesis : Hypothesis
     simulator : Simulator
         Of the hypothesis, perhaps with another step.
+    measured : sequence of Observation
+        With the noise that was estimated without effects, from which what passes less is subtracted: those of a
+        hypothesis may have lost it already.
     """
     before = simulator.parameters.nominal  # noise was estimated without effects
     before[[simulator.parameters.index(e.local(e.strength.name)) for e in hypothesis.effects]] = 0.0
-    return [simulator.quantified(o, hypothesis.theta, before) for o in hypothesis.observations]
+    return [simulator.quantified(o, hypothesis.theta, before) for o in measured]
 
 
-def refitted(hypothesis: Hypothesis, random_state: Any = 0) -> tuple[Hypothesis, _Array, int]:
+def refitted(
+    hypothesis: Hypothesis, measured: Sequence[Observation], random_state: Any = 0
+) -> tuple[Hypothesis, _Array, int]:
     """Return a hypothesis fitted with the noise that belongs to it, and what else does nearly as well.
 
     Parameters of an effect can have several minima that differ by less than noise does: of a dead band only one edge
@@ -55,6 +63,8 @@ def refitted(hypothesis: Hypothesis, random_state: Any = 0) -> tuple[Hypothesis,
     ----------
     hypothesis : Hypothesis
         Where it cannot be fitted it stays as it is.
+    measured : sequence of Observation
+        See `own_noise`.
     random_state : None, int, SeedSequence, Generator or RandomState
 
     Returns
@@ -64,7 +74,7 @@ def refitted(hypothesis: Hypothesis, random_state: Any = 0) -> tuple[Hypothesis,
         Where fits from other starts have ended, in units of the scales.
     n_simulations : int
     """
-    observations = own_noise(hypothesis, hypothesis.simulator)
+    observations = own_noise(hypothesis, hypothesis.simulator, measured)
     problem = FitProblem(hypothesis.simulator, observations, hypothesis.names)
     own = np.isin(hypothesis.names, [e.local(p.name) for e in hypothesis.effects for p in e.parameters])
     rows = np.tile(hypothesis.u, (_DRAWS, 1))

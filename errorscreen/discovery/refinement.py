@@ -64,6 +64,8 @@ class Refinement(Standings):
     ----------
     hypotheses, remainders, scores
         See `Standings`.
+    measured : tuple of Observation
+        With the noise that was estimated without effects.
     n_simulations : int
     """
 
@@ -77,7 +79,7 @@ class Refinement(Standings):
     ) -> None:
         super().__init__(significance, seed, tell)
         self._journal = Journal() if journal is None else journal
-        self.simulator = base.simulator
+        self.simulator, self.measured = base.simulator, base.observations
         self.n_simulations = 0
         self._spread_out: Counter[str] = Counter()  # how often each has been fitted from everywhere
         self._led: set[float] = set()  # objectives of fits that have no way out
@@ -212,7 +214,7 @@ class Refinement(Standings):
         self._coarse.add(hypothesis.objective)
         reference = self.simulator.refined(_FINER)
         fine = hypothesis.simulator.with_step_of(reference)
-        observations = own_noise(hypothesis, fine)
+        observations = own_noise(hypothesis, fine, self.measured)
         if self._promised(hypothesis, FitProblem(fine, observations, hypothesis.names)) > _LEFT:
             return hypothesis
         finer = self._refitted(hypothesis.effects, observations, reference, [hypothesis])

@@ -43,7 +43,7 @@ def fitted(threshold):
 @pytest.mark.parametrize("threshold", [0.65, 0.7, 0.77])
 def test_a_threshold_lies_between_the_dip_that_did_nothing_and_the_one_that_tripped(threshold):
     hypothesis, cause = fitted(threshold)
-    (found,), _, count = with_profiles([cause], [hypothesis])
+    (found,), _, count = with_profiles([cause], [hypothesis], hypothesis.observations)
     value, low, high = found.parameters["cessation.Vth"]
     assert low < value < high  # where in between, nothing tells
     # the clock of the timer begins to run 0.005 pu above the threshold
@@ -75,4 +75,4 @@ def test_what_is_only_determined_together_goes_as_far_as_the_other_one_can_follo
 def test_an_improbable_cause_is_left_as_it_is():
     hypothesis, cause = fitted(0.7)
     unlikely = replace(cause, probability=0.01)
-    assert with_profiles([unlikely], [hypothesis]) == ([unlikely], [hypothesis], 0)
+    assert with_profiles([unlikely], [hypothesis], hypothesis.observations) == ([unlikely], [hypothesis], 0)
