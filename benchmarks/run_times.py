@@ -1,8 +1,8 @@
-"""How long a full ``errorscreen run`` takes: renews its table in the docs.
+"""How long a full ``errorscreen run`` takes.
 
 ``python benchmarks/run_times.py OUT [SEED]``: hides causes in recordings as `errorscreen bench discovery` does, writes
 each scenario as text files with a case file, as a user has them, and runs the command on it in a new process. The first
-one of each case is run before, to compile. Let nothing else run. Cases and reports stay in OUT.
+one of each case is run before, to compile. Let nothing else run. Cases and reports stay in OUT, with the table.
 """
 
 import json
@@ -20,7 +20,6 @@ from errorscreen.bench.timing import machine
 from errorscreen.events import BusFault, GridEvent
 from errorscreen.persistence import write_text_atomic
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
 SEED, NOISE_DB = 4409, 40.0
 #: what draws the scenarios of a case, and what they hide in turn
 CASES = {
@@ -116,7 +115,7 @@ def main(out, seed=SEED):
             print(lines[-1], found, flush=True)
     on = machine()
     lines.append(f"\nSeed {seed}, {NOISE_DB:g} dB, {on['cores']} cores ({on['processor']}), one run each.")
-    write_text_atomic(DOCS / "tables" / "run_times.md", "\n".join(lines) + "\n")
+    write_text_atomic(Path(out) / "table.md", "\n".join(lines) + "\n")
 
 
 if __name__ == "__main__":
