@@ -160,12 +160,11 @@ class Competition(Refinement):
         And a signature beside the right one may promise little: that and the parameters have made up for the second.
         Where neither of two promises anything without the other, all pairs are tried, unless they are too many.
         """
-        best = self.nearest(self.max_effects)
+        best = self.nearest(self.most_effects)
         if self.adequate or best is None or len(best.effects) < 2:
             return
-        if not self.explained(
-            len(best.effects), PART
-        ):  # hardly one of them is right: nothing says where to begin
+        if not self.explained(len(best.effects), PART):
+            # hardly one of them is right: nothing says where to begin
             pairs = list(combinations(candidates, 2))
             if len(pairs) <= _MOST_PAIRS:
                 self._race(dict.fromkeys(pairs, self.base), _PAIR_STARTS)
@@ -181,7 +180,7 @@ class Competition(Refinement):
             base = self.fit_of(kept) or self._refit(kept, self.base, [best], everywhere=False)
             if base is not None:
                 bases.append(base)
-        if not self.adequate:
+        if bases and not self.adequate:
             self._race({(*b.effects, e): b for b in bases for e in candidates if e not in b.effects})
 
     def _signatures(self, base: Hypothesis, effects: Sequence[Effect]) -> list[SignatureSearch]:
