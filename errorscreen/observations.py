@@ -51,7 +51,7 @@ class Observation:
     modes: NDArray[np.float64] | None = None
     passed: NDArray[np.float64] | None = None
 
-    @property
+    @cached_property
     def sigma(self) -> NDArray[np.float64]:
         """Standard deviation of each sample, shape (R, L)."""
         extra = np.zeros(self.values.shape) if self.extra is None else self.extra
@@ -87,14 +87,16 @@ class Observation:
         >>> seen.deviations([[0.0, 0.0, 1.0, 1.0]]).round(3)
         array([[0.   , 0.   , 0.577, 0.577]])
         """
-        z = (np.asarray(responses, dtype=float) - self.values) / self.sigma
+        z = np.asarray(responses, dtype=float) - self.values
+        z /= self.sigma
         U, shrink = self._shared
         if not len(shrink):
             return z
         # a failed simulation stays NaN, a gap must not spread
-        known = np.where(self.mask, z, 0.0)
+        known = z if self.mask.all() else np.where(self.mask, z, 0.0)
         along = known.reshape(*z.shape[:-2], -1) @ U
-        return z - ((along * shrink) @ U.T).reshape(z.shape)
+        z -= ((along * shrink) @ U.T).reshape(z.shape)
+        return z
 
     @cached_property
     def _shared(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

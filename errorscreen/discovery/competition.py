@@ -34,6 +34,8 @@ _TIMES = 3
 _ARRIVE = 0.5
 #: most pairs that are all tried, and starts of each
 _MOST_PAIRS, _PAIR_STARTS = 300, 3
+#: times the noise, in squares, that a part of the recordings may be left with beyond noise by a fit that goes on
+_HARDLY = 1.0
 
 
 class Competition(Refinement):
@@ -107,7 +109,12 @@ class Competition(Refinement):
                 break
             base = best
 
-    def _race(self, sets: Mapping[tuple[Effect, ...], Hypothesis], starts: int = STARTS) -> None:
+    def _race(
+        self,
+        sets: Mapping[tuple[Effect, ...], Hypothesis],
+        starts: int = STARTS,
+        hopeful: Callable[[Growth], bool] | None = None,
+    ) -> None:
         """Let fits of some sets of effects grow with the recordings, each from a fit of some of them, or of none."""
         bases: dict[frozenset[Effect], Hypothesis] = {}
         problems: dict[tuple[Effect, ...], FitProblem] = {}
@@ -127,7 +134,7 @@ class Competition(Refinement):
 
         fits = [partial(begin, effects) for effects in problems]
         arrive = max(1, round(_ARRIVE * self.n_fits))
-        self._compete(problems, lambda: outgrown(fits, arrive, self.tell, self.simulator.threads, starts))
+        self._compete(problems, lambda: outgrown(fits, arrive, self.tell, self.simulator.threads, starts, hopeful))
         size = len(next(iter(problems)))
         self._lead(sorted(self.with_effects(size), key=lambda h: h.objective))
         self.n_simulations += sum(problem.n_simulations for problem in problems.values())
@@ -167,7 +174,7 @@ class Competition(Refinement):
             # hardly one of them is right: nothing says where to begin
             pairs = list(combinations(candidates, 2))
             if len(pairs) <= _MOST_PAIRS:
-                self._race(dict.fromkeys(pairs, self.base), _PAIR_STARTS)
+                self._race(dict.fromkeys(pairs, self.base), _PAIR_STARTS, self._may_be_named)
             return
         sets = [tuple(e for e in best.effects if e is not dropped) for dropped in best.effects]
         fewer = [h for h in self.with_effects(len(best.effects) - 1) if self.leaves_less(h, PART)]
@@ -182,6 +189,14 @@ class Competition(Refinement):
                 bases.append(base)
         if bases and not self.adequate:
             self._race({(*b.effects, e): b for b in bases for e in candidates if e not in b.effects})
+
+    def _may_be_named(self, growth: Growth) -> bool:
+        """Whether a fit leaves hardly more than noise of a part of the recordings, or little of what parameters leave."""
+        part, base = growth.part, self.base
+        alone = FitProblem(base.simulator, part.observations, base.names)
+        left = float(alone.chi_square(alone.values(base.u))[0])
+        self.n_simulations += alone.n_simulations
+        return growth.objective - part.n_values <= max(NAMED * (left - part.n_values), _HARDLY * part.n_values)
 
     def _signatures(self, base: Hypothesis, effects: Sequence[Effect]) -> list[SignatureSearch]:
         """Searches for signatures at the fitted values, without effects also at the nominal ones; the best first."""
@@ -251,14 +266,15 @@ class Competition(Refinement):
     def _insist(self) -> None:
         """Fit what comes nearest to noise from everywhere again, where it leaves little enough to be named.
 
-        The more effects with thresholds and timers there are, the fewer of the starts come to the lowest minimum.
+        The more effects with thresholds and timers there are, the fewer of the starts come to the lowest minimum; of
+        those without, starts that differ come to the same one.
         """
         for times in range(2, _TIMES + 1):
             nearest = self.nearest(self.most_effects)
             if (
                 self.adequate
                 or nearest is None
-                or not nearest.effects
+                or all(effect.minima == 1 for effect in nearest.effects)
                 or not self.explained(self.most_effects, NAMED)
             ):
                 return

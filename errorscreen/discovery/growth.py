@@ -44,7 +44,9 @@ _DRAWN = 64
 #: starts of each fit in the first round of a race, and in the second one
 STARTS, _MORE_STARTS = 6, 16
 #: rounds of a race: after which part how many go on for each that is fitted to the end
-_FIRST, _SECOND = ((1, 8), (3, 2)), ((3, 1), (len(_PARTS), 1))
+_FIRST, _SECOND = ((1, 8), (3, 2)), ((3, 1), (5, 1), (7, 1), (len(_PARTS), 1))
+#: parts after which it shows what is hopeless
+_JUDGED = 3
 
 _Array = NDArray[np.float64]
 
@@ -68,12 +70,14 @@ class Growth:
         Where those have got to that fit the part best, the best first.
     objective : float
         Lowest objective on that part.
+    part : FitProblem
+        The one to that part; all of it before the first.
     """
 
     def __init__(
         self, effects: Sequence[Effect], problem: FitProblem, starts: ArrayLike, random_state: Any = 0
     ) -> None:
-        self.effects, self.problem = tuple(effects), problem
+        self.effects, self.problem, self.part = tuple(effects), problem, problem
         self.reached = np.atleast_2d(np.asarray(starts, dtype=float))
         self.objective = np.inf
         self._size, self._rng = len(self.reached), generator(random_state)
@@ -89,7 +93,7 @@ class Growth:
             If no start can be simulated.
         """
         for share, kept, iterations in _PARTS[self._number : parts]:
-            part = self.problem.until(share)
+            self.part = part = self.problem.until(share)
             starts = self.reached if self._fit is None else self._scattered(self._fit, part)
             kept_ = max(1, round(kept * self._size))
             self._fit = JointFit(self.effects, part, starts, central=False).keep(kept_).run(iterations)
@@ -148,6 +152,7 @@ def outgrown(
     tell: Callable[[str], None],
     threads: int = 1,
     starts: int = STARTS,
+    hopeful: Callable[[Growth], bool] | None = None,
 ) -> Sequence[JointFit]:
     """Let fits grow side by side, and fit those that get furthest to all of the recordings.
 
@@ -165,6 +170,8 @@ def outgrown(
         Of which each has one fit at a time.
     starts : int, default 6
         Of each in the first round.
+    hopeful : callable, optional
+        Whether it is worth going on with one that leads; asked once all have seen a fifth of the recordings.
     """
     begin = list(fits)
     grown: list[Growth] = []
@@ -174,6 +181,8 @@ def outgrown(
             well = attempted([partial(growth.run, parts) for growth in grown], threads)
             running = [(fit, one) for fit, one in zip(begin, well, strict=True) if one is not None]
             running = sorted(running, key=lambda pair: pair[1].objective)[: kept * n]
+            if hopeful is not None and parts >= _JUDGED:
+                running = [(fit, one) for fit, one in running if hopeful(one)]
             begin, grown = [fit for fit, _ in running], [one for _, one in running]
             tell(f"{len(grown)} of {len(well)} go on from {_PARTS[parts - 1][0]:.0%} of the recordings")
     ended = attempted([partial(halved, one.effects, one.problem, one.reached) for one in grown], threads)

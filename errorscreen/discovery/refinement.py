@@ -214,9 +214,11 @@ class Refinement(Standings):
         self._coarse.add(hypothesis.objective)
         reference = self.simulator.refined(_FINER)
         fine = hypothesis.simulator.with_step_of(reference)
-        observations = own_noise(hypothesis, fine, self.measured)
-        if self._promised(hypothesis, FitProblem(fine, observations, hypothesis.names)) > _LEFT:
-            return hypothesis
+        # the noise by the coarse step first: it costs a fraction, and most promise too little with it
+        for simulator in (hypothesis.simulator, fine):
+            observations = own_noise(hypothesis, simulator, self.measured)
+            if self._promised(hypothesis, FitProblem(fine, observations, hypothesis.names)) > _LEFT:
+                return hypothesis
         finer = self._refitted(hypothesis.effects, observations, reference, [hypothesis])
         if finer is None:
             return hypothesis

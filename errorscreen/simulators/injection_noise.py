@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from errorscreen.events import Playback
 from errorscreen.observations import Observation
 from errorscreen.signals import scatter
 from errorscreen.simulators.playback import input_noise
+from errorscreen.threads import side_by_side
 
 #: seconds over which the noise of an injected signal is taken together, and the most such blocks in a record
 _BLOCK, _MOST_BLOCKS = 0.08, 96
@@ -64,7 +66,9 @@ def noise_left(observation: Observation, errors: _Array, part: NDArray[np.bool_]
     return np.maximum(noise, left)
 
 
-def quantified(observation: Observation, run: _Run, step: float, nominal: _Run) -> Observation:
+def quantified(
+    observation: Observation, run: _Run, step: float, nominal: _Run, threads: int = 1
+) -> Observation:
     """Return an observation with `Observation.extra` and `Observation.modes` as they follow from a model.
 
     Where a small change of the input changes what happens (a plant trips that else does not), the responses say nothing
@@ -82,6 +86,8 @@ def quantified(observation: Observation, run: _Run, step: float, nominal: _Run) 
     nominal : callable
         As `run`, of the model that `Observation.noise` was estimated with. What the noise of the injected signals makes
         of *its* response before the event is part of that noise; with another operating point more of it passes.
+    threads : int
+        How many simulations may run at the same time.
     """
     event = observation.event
     assert isinstance(event, Playback)
@@ -105,9 +111,8 @@ def quantified(observation: Observation, run: _Run, step: float, nominal: _Run) 
     # where less passes than was counted, as through a filter, less noise is expected
     less = np.median((counted - passed)[:, part], axis=1) if part.any() else np.zeros(len(noise))
     own = np.sqrt(np.maximum(noise**2 - np.maximum(less, 0.0), (_LEAST_SHARE * noise) ** 2))
-    known = replace(
-        observation, noise=own, extra=extra, modes=_modes(changed, event, inputs, own, step), passed=None
-    )
+    modes = _modes(changed, event, inputs, own, step, threads)
+    known = replace(observation, noise=own, extra=extra, modes=modes, passed=None)
     passed_now = typical(passed_energy(known, lambda event: run(event)[None]))[0]
     return replace(known, passed=passed_now if np.isfinite(passed_now).all() else None)
 
@@ -201,7 +206,9 @@ def _passed(changed: _Run, event: Playback, inputs: _Inputs, channels: tuple[str
     return np.asarray(median_filter(total, size=(1, 5)))
 
 
-def _modes(changed: _Run, event: Playback, inputs: _Inputs, noise: _Array, step: float) -> _Array:
+def _modes(
+    changed: _Run, event: Playback, inputs: _Inputs, noise: _Array, step: float, threads: int
+) -> _Array:
     """Slow errors (K, R, L) that noise and unknown instants of the injected signals make behind the model's dynamics.
 
     White noise over a block of samples acts on slow dynamics as their sum does, so each block is moved as a whole by
@@ -210,18 +217,26 @@ def _modes(changed: _Run, event: Playback, inputs: _Inputs, noise: _Array, step:
     """
     length = len(event.time)
     width = max(1, round(_BLOCK / event.dt), -(-length // _MOST_BLOCKS))
-    rows = []
-    for name, (shape, sigma) in inputs.items():
-        for first in range(0, length - 1, width):
-            block = np.zeros(length)
-            block[first : first + width] = 1.0
-            moved = np.convolve(block, shape)[:length] * sigma / np.sqrt(width)
-            change = changed(_moved(event, name, moved), step=2 * step)
-            change[:, : first + width + 2] = 0.0
-            rows.append(change)
-    for jump in _jumps(event, inputs):
-        early, late = (changed(event, jump=(*jump, early), step=2 * step) for early in (True, False))
-        rows.append(_ANYWHERE * (early - late))
+
+    def after(name: str, shape: _Array, sigma: float, first: int) -> _Array:
+        block = np.zeros(length)
+        block[first : first + width] = 1.0
+        moved = np.convolve(block, shape)[:length] * sigma / np.sqrt(width)
+        change = changed(_moved(event, name, moved), step=2 * step)
+        change[:, : first + width + 2] = 0.0
+        return change
+
+    def unknown_instant(first: int, last: int) -> _Array:
+        early, late = (changed(event, jump=(first, last, early), step=2 * step) for early in (True, False))
+        return _ANYWHERE * (early - late)
+
+    calls = [
+        partial(after, name, shape, sigma, first)
+        for name, (shape, sigma) in inputs.items()
+        for first in range(0, length - 1, width)
+    ]
+    calls += [partial(unknown_instant, *jump) for jump in _jumps(event, inputs)]
+    rows = side_by_side(calls, threads)
     if not rows:
         return np.zeros((0, len(noise), length))
     scaled = (np.array(rows) / noise[:, None]).reshape(len(rows), -1)

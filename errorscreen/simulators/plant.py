@@ -234,19 +234,19 @@ class PlantSimulator(Simulator):
         distorted = any(effect.kind == "measurement" for effect in acting)
         record = 1 if distorted else every
         steps = every * (len(event.time) - 1)
-        out = np.full((len(theta), len(self.device.outputs), steps // record + 1), np.nan)
-        if start.any():
-            out[start] = self._engine.integrate(
-                x0[start],
-                constants[start],
-                self._injected(event, every, interpolation, jump),
-                h=h,
-                every=record,
-            )
+        injected = self._injected(event, every, interpolation, jump)
+        if len(start) and start.all():
+            out = self._engine.integrate(x0, constants, injected, h=h, every=record)
+        else:
+            out = np.full((len(theta), len(self.device.outputs), steps // record + 1), np.nan)
+            if start.any():
+                out[start] = self._engine.integrate(
+                    x0[start], constants[start], injected, h=h, every=record
+                )
         if distorted:
             out = measured(out, self.device.outputs, acting, values, h)[..., ::every]
         with np.errstate(invalid="ignore"):
-            well = (np.abs(out) < _PLAUSIBLE).all(axis=(1, 2))
+            well = (out.max(axis=(1, 2)) < _PLAUSIBLE) & (out.min(axis=(1, 2)) > -_PLAUSIBLE)
         out[~well] = np.nan
         status = np.where(start, np.where(well, Status.OK, Status.DIVERGED), Status.NO_EQUILIBRIUM)
         rows = [self.device.outputs.index(name) for name in self.channels]
@@ -328,7 +328,7 @@ class PlantSimulator(Simulator):
         def run_of(values: ArrayLike) -> Callable[..., NDArray[np.float64]]:
             return lambda event, **options: self._run(values, event, **options).values[0]
 
-        return quantified(observation, run_of(theta), self.step, run_of(before))
+        return quantified(observation, run_of(theta), self.step, run_of(before), self.threads)
 
     def passed_noise(self, observation: Observation, theta: ArrayLike) -> NDArray[np.float64]:
         """Energy of what the noise of the injected signals makes; see `Simulator.passed_noise`."""

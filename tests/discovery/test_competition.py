@@ -12,6 +12,7 @@ from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery import CauseFinder
 from errorscreen.discovery import competition as competition_module
 from errorscreen.discovery.competition import Competition
+from errorscreen.discovery.growth import begun
 from errorscreen.discovery.hypotheses import parameters_only
 from errorscreen.discovery.signatures import SignatureSearch
 from errorscreen.recordings import Recording
@@ -146,6 +147,23 @@ def test_all_pairs_are_tried_where_the_nearest_leaves_more_unless_they_are_too_m
     assert not any(base.effects for base in sets.values())
 
 
+def test_of_all_pairs_those_that_leave_much_of_a_part_of_the_recordings_are_dropped():
+    simulator = oscillator(push(time=TIME), step=0.05)
+    known = {effect.name: effect for effect in simulator.effects}
+    observation = simulator.observe(recorded(NAMES, [0.45, 4.4, 0.6, 0.4], 2e-3))
+    found = competition(simulator, observation, max_effects=2)
+    worth = []
+    for names in (NAMES, LEAVES_MOST):
+        effects = [known[name] for name in names]
+        problem = FitProblem(simulator.extend(effects[0]).extend(effects[1]), [observation])
+        growth = begun(found.base, effects, problem, 6, 0).run(3)
+        worth.append(found._may_be_named(growth))
+        # of noise alone nothing can be told
+        growth.objective = 1.5 * growth.part.n_values
+        assert found._may_be_named(growth)
+    assert worth == [True, False]
+
+
 @pytest.mark.parametrize(
     ("alone", "joined"),
     [
@@ -210,3 +228,18 @@ def test_other_starts_are_tried_so_many_times_in_all_and_no_more(spring):
     for times in (1, 1, 3, 3, 1):
         found._everywhere(found.base, times)
     assert lines.count("other starts of parameters") == 3
+
+
+@pytest.mark.parametrize(("minima", "times"), [(1, 0), (8, 2)])
+def test_only_what_has_several_minima_is_fitted_from_everywhere_again(minima, times, monkeypatch):
+    simulator = oscillator(push(time=TIME), step=0.05)
+    known = {effect.name: effect for effect in simulator.effects}
+    observation = simulator.observe(recorded(NAMES, [0.45, 4.4, 0.6, 0.4], 2e-3))
+    found = competition(simulator, observation, max_effects=2)
+    pair = [replace(known[name], minima=minima) for name in LEAVES_LITTLE]
+    found._everywhere(found._refit(pair, found.base, [found.base], everywhere=False))
+    lines = []
+    found.tell = lines.append
+    monkeypatch.setattr(Competition, "explained", lambda self, size, share: True)
+    found._insist()
+    assert sum("other starts" in line for line in lines) == times

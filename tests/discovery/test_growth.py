@@ -122,6 +122,28 @@ def test_the_fit_that_grows_best_is_fitted_to_all_of_the_recordings(spring):
     assert told[0] == "4 of 4 go on from 10% of the recordings"
 
 
+def test_what_is_hopeless_after_a_fifth_of_the_recordings_goes_no_further(spring):
+    model, observation = spring
+    base = fit_hypothesis((), FitProblem(model, observation), np.zeros(2))
+    chosen = [e for e in model.effects if e.name in ("velocity.cubic(position)", "force.lag")]
+    problems = [FitProblem(model.extend(e), [observation]) for e in chosen]
+    fits = [
+        partial(begun, base, (e,), problem, random_state=0)
+        for e, problem in zip(chosen, problems, strict=True)
+    ]
+    seen = []
+
+    def hopeful(growth):
+        seen.append(growth.part.n_values)
+        return growth.effects == (chosen[0],)
+
+    (fit,) = outgrown(fits, 2, lambda line: None, hopeful=hopeful)
+    assert fit.effects == (chosen[0],)
+    assert seen[:2] == 2 * [problems[0].until(0.2).n_values]
+    assert max(seen) < observation.mask.sum()
+    assert not outgrown(fits, 2, lambda line: None, hopeful=lambda growth: False)
+
+
 def test_what_cannot_be_simulated_does_not_end_a_race(spring, monkeypatch):
     model, observation = spring
     base = fit_hypothesis((), FitProblem(model, observation), np.zeros(2))
