@@ -34,8 +34,6 @@ _TIMES = 3
 _ARRIVE = 0.5
 #: most pairs that are all tried, and starts of each
 _MOST_PAIRS, _PAIR_STARTS = 300, 3
-#: times the noise, in squares, that a part of the recordings may be left with beyond noise by a fit that goes on
-_HARDLY = 1.0
 
 
 class Competition(Refinement):
@@ -109,12 +107,7 @@ class Competition(Refinement):
                 break
             base = best
 
-    def _race(
-        self,
-        sets: Mapping[tuple[Effect, ...], Hypothesis],
-        starts: int = STARTS,
-        hopeful: Callable[[Growth], bool] | None = None,
-    ) -> None:
+    def _race(self, sets: Mapping[tuple[Effect, ...], Hypothesis], starts: int = STARTS) -> None:
         """Let fits of some sets of effects grow with the recordings, each from a fit of some of them, or of none."""
         bases: dict[frozenset[Effect], Hypothesis] = {}
         problems: dict[tuple[Effect, ...], FitProblem] = {}
@@ -134,7 +127,10 @@ class Competition(Refinement):
 
         fits = [partial(begin, effects) for effects in problems]
         arrive = max(1, round(_ARRIVE * self.n_fits))
-        self._compete(problems, lambda: outgrown(fits, arrive, self.tell, self.simulator.threads, starts, hopeful))
+        threads = self.simulator.threads
+        self._compete(
+            problems, lambda: outgrown(fits, arrive, self.tell, threads, starts, self._may_leave_noise)
+        )
         size = len(next(iter(problems)))
         self._lead(sorted(self.with_effects(size), key=lambda h: h.objective))
         self.n_simulations += sum(problem.n_simulations for problem in problems.values())
@@ -174,7 +170,7 @@ class Competition(Refinement):
             # hardly one of them is right: nothing says where to begin
             pairs = list(combinations(candidates, 2))
             if len(pairs) <= _MOST_PAIRS:
-                self._race(dict.fromkeys(pairs, self.base), _PAIR_STARTS, self._may_be_named)
+                self._race(dict.fromkeys(pairs, self.base), _PAIR_STARTS)
             return
         sets = [tuple(e for e in best.effects if e is not dropped) for dropped in best.effects]
         fewer = [h for h in self.with_effects(len(best.effects) - 1) if self.leaves_less(h, PART)]
@@ -189,14 +185,6 @@ class Competition(Refinement):
                 bases.append(base)
         if bases and not self.adequate:
             self._race({(*b.effects, e): b for b in bases for e in candidates if e not in b.effects})
-
-    def _may_be_named(self, growth: Growth) -> bool:
-        """Whether a fit leaves hardly more than noise of a part of the recordings, or little of what parameters leave."""
-        part, base = growth.part, self.base
-        alone = FitProblem(base.simulator, part.observations, base.names)
-        left = float(alone.chi_square(alone.values(base.u))[0])
-        self.n_simulations += alone.n_simulations
-        return growth.objective - part.n_values <= max(NAMED * (left - part.n_values), _HARDLY * part.n_values)
 
     def _signatures(self, base: Hypothesis, effects: Sequence[Effect]) -> list[SignatureSearch]:
         """Searches for signatures at the fitted values, without effects also at the nominal ones; the best first."""
@@ -310,7 +298,7 @@ class Competition(Refinement):
             if fitted is not None and again:
                 fitted = self._from_rest(fitted, best)
             if fitted is not None and len(effects) < len(best.effects) and self.leaves_less(fitted, NAMED):
-                self._rest(fitted)
+                self._rest(fitted, best)
 
     def _from_rest(self, hypothesis: Hypothesis, best: Hypothesis) -> Hypothesis:
         """Fit a hypothesis from where parameters alone have come to rest, with effects off and as in another fit."""

@@ -46,7 +46,7 @@ STARTS, _MORE_STARTS = 6, 16
 #: rounds of a race: after which part how many go on for each that is fitted to the end
 _FIRST, _SECOND = ((1, 8), (3, 2)), ((3, 1), (5, 1), (7, 1), (len(_PARTS), 1))
 #: parts after which it shows what is hopeless
-_JUDGED = 3
+JUDGED = 3
 
 _Array = NDArray[np.float64]
 
@@ -181,7 +181,7 @@ def outgrown(
             well = attempted([partial(growth.run, parts) for growth in grown], threads)
             running = [(fit, one) for fit, one in zip(begin, well, strict=True) if one is not None]
             running = sorted(running, key=lambda pair: pair[1].objective)[: kept * n]
-            if hopeful is not None and parts >= _JUDGED:
+            if hopeful is not None and parts >= JUDGED:
                 running = [(fit, one) for fit, one in running if hopeful(one)]
             begin, grown = [fit for fit, _ in running], [one for _, one in running]
             tell(f"{len(grown)} of {len(well)} go on from {_PARTS[parts - 1][0]:.0%} of the recordings")

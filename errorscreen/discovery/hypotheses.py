@@ -39,7 +39,7 @@ _ENDED = ("converged", "kink")
 #: state of a fit from which no start around it leads lower, although the linear model promises that
 CORNER = "corner"
 #: a joint fit goes on while its distance from the best is less than so many times what it gained last
-_HOPE = 20.0
+HOPE = 20.0
 #: noise never counts for less than this part of what was counted: a level from an energy may come out too low
 _LEAST_LEVEL = 0.1
 
@@ -236,7 +236,7 @@ class JointFit:
 
     def may_reach(self, objective: float) -> bool:
         """Whether an objective is within reach, by what was gained last."""
-        return self.objective - objective < _HOPE * max(self.gained, 1.0)
+        return self.objective - objective < HOPE * max(self.gained, 1.0)
 
     def pursue(self, objective: float) -> JointFit:
         """Go on for up to six slices of five iterations, as long as an objective may be reached."""

@@ -21,10 +21,11 @@ from errorscreen.threads import side_by_side
 
 #: causes that are less probable are not looked at closely
 _PROBABLE = 0.05
-#: how often what lies between the last good and the first bad value is halved: to a hundredth of their distance
-_HALVINGS = 7
-#: iterations in which the other parameters follow to a value
-_FOLLOWED = 6
+#: how often what lies between the last good and the first bad value is halved at most, to a hundredth of their
+#: distance, and no further than to such a share of how far the parameter has gone
+_HALVINGS, _RESOLVED = 7, 0.05
+#: iterations in which the other parameters follow to a value, and how many times what one gained the others may gain
+_FOLLOWED, _MORE = 6, 5.0
 #: of their search, see `BoundedSearch`
 _TOL, _STEP = 1e-2, 1e-4
 
@@ -156,6 +157,8 @@ class _Path:
         else:
             return float(last)
         for _ in range(_HALVINGS):
+            if abs(bad - good[self._j]) < _RESOLVED * abs(good[self._j] - self._u[self._j]):
+                break
             middle = 0.5 * (good[self._j] + bad)
             row = self._followed(middle, good)
             good, bad = (good, middle) if row is None else (row, bad)
@@ -174,10 +177,13 @@ class _Path:
         )
         search.tilt(self._slope[self._others])
         search.begin(np.array(starts)[:, self._others])
-        own = (value / PRIOR) ** 2 - value * self._slope[self._j]
-        for _ in range(_FOLLOWED):
-            if not search.tracks or search.best.cost + own <= self._limit or not search.iterate():
-                break
-        if not search.tracks or search.best.cost + own > self._limit:
+        if not search.tracks:
             return None
-        return np.insert(search.best.u, self._j, value)
+        own = (value / PRIOR) ** 2 - value * self._slope[self._j]
+        above, gained = search.best.cost + own - self._limit, np.inf
+        for left in range(_FOLLOWED, 0, -1):
+            if above <= 0 or above > _MORE * left * gained or not search.iterate():
+                break
+            before, above = above, search.best.cost + own - self._limit
+            gained = before - above
+        return np.insert(search.best.u, self._j, value) if above <= 0 else None

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.discovery.growth import begun
-from errorscreen.discovery.hypotheses import Hypothesis, fit_hypothesis
+from errorscreen.discovery.growth import JUDGED, Growth, begun
+from errorscreen.discovery.hypotheses import HOPE, Hypothesis, fit_hypothesis
 from errorscreen.discovery.journal import Journal
 from errorscreen.discovery.own_noise import own_noise
 from errorscreen.discovery.restarts import escapes, followed, off_the_edge, rested, searched
@@ -42,6 +42,9 @@ _FEW = 8
 _NEAR, _FINER, _LEFT = 50.0, 4, 0.5
 #: times that a fit is led on where it stalls, and the least share of what it leaves beyond noise that counts as lower
 _RESTS, _LOWER = 16, 1e-3
+#: what a fit of several effects may leave of a part of the recordings beyond noise if it goes on: in multiples of
+#: noise, or as a share of what parameters leave of it; three times what of two is named in another form than theirs
+_HARDLY, _TRACE = 1.0, 0.01
 #: starts all over the ranges, for a model without effects or with one, and for each effect of one that has more
 _STARTS = 16
 
@@ -151,8 +154,8 @@ class Refinement(Standings):
         """Whether parameters alone leave only noise, and nothing is more evident."""
         return self.is_adequate(self.base) and self.scores[self.base.name] >= max(self.scores.values())
 
-    def _rest(self, hypothesis: Hypothesis) -> None:
-        """Lead a fit to where nothing leads lower."""
+    def _rest(self, hypothesis: Hypothesis, rival: Hypothesis | None = None) -> None:
+        """Lead a fit to where nothing leads lower; not further if that brings it hardly nearer to another one."""
         for number in range(_RESTS):
             if hypothesis.at_rest or (not hypothesis.effects and self._needs_nothing):
                 return
@@ -167,7 +170,9 @@ class Refinement(Standings):
             if led is None:
                 return
             self.keep(led, self.test(led), hypothesis)
-            hypothesis = led
+            gained, hypothesis = hypothesis.objective - led.objective, led
+            if rival is not None and led.objective - rival.objective > HOPE * max(gained, 1.0):
+                return
 
     def _settle(self) -> None:
         """Lead what will be named out of local minima, if an effect has many: its values count, not only its name."""
@@ -269,10 +274,28 @@ class Refinement(Standings):
         problem = FitProblem(hypothesis.simulator, list(hypothesis.observations), hypothesis.names)
         n = _STARTS * max(1, len(hypothesis.effects))
         seed = np.random.SeedSequence(self.seed, spawn_key=(number,))
-        growth = partial(begun, hypothesis, hypothesis.effects, problem, n, seed)
-        better = self._better(hypothesis, problem, lambda: growth().run().reached)
+
+        def starts() -> _Array:
+            growth = begun(hypothesis, hypothesis.effects, problem, n, seed)
+            if len(hypothesis.effects) > 1 and not self._may_leave_noise(growth.run(JUDGED)):
+                return growth.reached[:0]
+            return growth.run().reached
+
+        better = self._better(hypothesis, problem, starts)
         self.n_simulations += problem.n_simulations
         return self._polish(self._escape([better or hypothesis])[0])
+
+    def _may_leave_noise(self, growth: Growth) -> bool:
+        """Whether a growing fit leaves hardly more than noise of its part, or next to nothing of what parameters leave.
+
+        What is right fits a part of the recordings once it has been found, and is named only if it fits all of them.
+        """
+        part = growth.part
+        alone = FitProblem(self.base.simulator, part.observations, self.base.names)
+        whole = float(alone.chi_square(alone.values(self.base.u))[0])
+        self.n_simulations += alone.n_simulations
+        left, whole = growth.objective - part.n_values, whole - part.n_values
+        return left <= max(_HARDLY * part.n_values, _TRACE * whole)
 
     def _refitted(
         self,

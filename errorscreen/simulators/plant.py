@@ -240,9 +240,7 @@ class PlantSimulator(Simulator):
         else:
             out = np.full((len(theta), len(self.device.outputs), steps // record + 1), np.nan)
             if start.any():
-                out[start] = self._engine.integrate(
-                    x0[start], constants[start], injected, h=h, every=record
-                )
+                out[start] = self._engine.integrate(x0[start], constants[start], injected, h=h, every=record)
         if distorted:
             out = measured(out, self.device.outputs, acting, values, h)[..., ::every]
         with np.errstate(invalid="ignore"):

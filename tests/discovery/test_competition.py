@@ -147,7 +147,7 @@ def test_all_pairs_are_tried_where_the_nearest_leaves_more_unless_they_are_too_m
     assert not any(base.effects for base in sets.values())
 
 
-def test_of_all_pairs_those_that_leave_much_of_a_part_of_the_recordings_are_dropped():
+def test_two_effects_that_leave_much_of_a_part_of_the_recordings_are_led_no_further():
     simulator = oscillator(push(time=TIME), step=0.05)
     known = {effect.name: effect for effect in simulator.effects}
     observation = simulator.observe(recorded(NAMES, [0.45, 4.4, 0.6, 0.4], 2e-3))
@@ -157,10 +157,10 @@ def test_of_all_pairs_those_that_leave_much_of_a_part_of_the_recordings_are_drop
         effects = [known[name] for name in names]
         problem = FitProblem(simulator.extend(effects[0]).extend(effects[1]), [observation])
         growth = begun(found.base, effects, problem, 6, 0).run(3)
-        worth.append(found._may_be_named(growth))
+        worth.append(found._may_leave_noise(growth))
         # of noise alone nothing can be told
         growth.objective = 1.5 * growth.part.n_values
-        assert found._may_be_named(growth)
+        assert found._may_leave_noise(growth)
     assert worth == [True, False]
 
 
