@@ -293,7 +293,7 @@ class Refinement(Standings):
         part = growth.part
         alone = FitProblem(self.base.simulator, part.observations, self.base.names)
         whole = float(alone.chi_square(alone.values(self.base.u))[0])
-        self.n_simulations += alone.n_simulations
+        growth.problem.n_simulations += alone.n_simulations  # those of a problem are in the journal
         left, whole = growth.objective - part.n_values, whole - part.n_values
         return left <= max(_HARDLY * part.n_values, _TRACE * whole)
 
