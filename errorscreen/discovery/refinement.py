@@ -43,8 +43,8 @@ _NEAR, _FINER, _LEFT = 50.0, 4, 0.5
 #: times that a fit is led on where it stalls, and the least share of what it leaves beyond noise that counts as lower
 _RESTS, _LOWER = 16, 1e-3
 #: what a fit of several effects may leave of a part of the recordings beyond noise if it goes on: in multiples of
-#: noise, or as a share of what parameters leave of it; three times what of two is named in another form than theirs
-_HARDLY, _TRACE = 1.0, 0.01
+#: noise, or as a share of what parameters leave of it; ten times what of two is named in another form than theirs
+_HARDLY, _TRACE = 1.0, 0.03
 #: starts all over the ranges, for a model without effects or with one, and for each effect of one that has more
 _STARTS = 16
 
