@@ -15,7 +15,7 @@ from errorscreen.observations import Observation
 from errorscreen.sampling import latin_hypercube
 from errorscreen.simulators.base import Simulator
 from errorscreen.simulators.observations import as_observations, check_names
-from errorscreen.threads import side_by_side
+from errorscreen.threads import side_by_side, threads_left
 
 #: simulated numbers that a thread holds at a time when only their misfit is wanted (128 MiB)
 _CHUNK = 2**24
@@ -68,14 +68,37 @@ class FitProblem:
         self.n_simulations = 0
         self.n_failed = 0
         self._failures = ""
+        self._counts_in: FitProblem | None = None
 
     def until(self, share: float) -> FitProblem:
         """Return the fit to this share of what was measured after the start of each event.
 
-        What was measured before the start belongs to all of them.
+        What was measured before the start belongs to all of them. Simulations of the part count here, too.
         """
         parts = [self.simulator.part(o, _samples_until(o, share)) for o in self.observations]
-        return FitProblem(self.simulator, parts, self.names)
+        return self._derived(self.simulator, parts)
+
+    def with_step(self, step: float | None) -> FitProblem:
+        """Return the fit with another longest step in seconds, whose simulations count here, too.
+
+        Itself where none is given.
+        """
+        if step is None:
+            return self
+        return self._derived(self.simulator.with_step(step), self.observations)
+
+    def _derived(self, simulator: Simulator, observations: list[Observation]) -> FitProblem:
+        """Fit of the same parameters whose simulations count here, too."""
+        derived = FitProblem(simulator, observations, self.names)
+        derived._counts_in = self
+        return derived
+
+    def _count(self, simulations: int, failed: int = 0, failures: str = "") -> None:
+        self.n_simulations += simulations
+        self.n_failed += failed
+        self._failures = failures or self._failures
+        if self._counts_in is not None:
+            self._counts_in._count(simulations, failed, failures)
 
     def drawn(self, n: int, random_state: Any = None) -> NDArray[np.float64]:
         """Scaled deviations u (n, k) all over the ranges, a Latin hypercube."""
@@ -143,7 +166,7 @@ class FitProblem:
                 parts.append(np.zeros((1, len(theta), len(observation.channels))))
                 continue
             energy = self.simulator.passed_noise(observation, theta)
-            self.n_simulations += (1 + len(energy)) * len(theta)
+            self._count((1 + len(energy)) * len(theta))
             parts.append(np.minimum(energy - counted, _MOST_PASSED * observation.mask.sum(axis=1)))
         draws = max(map(len, parts))
         return np.concatenate([np.broadcast_to(p, (draws, *p.shape[1:])) for p in parts], axis=2)
@@ -173,11 +196,12 @@ class FitProblem:
         """What is made of each observation and the responses (n, R, L) to its event, side by side."""
         theta = self.embed(values)
         calls = [partial(self._respond, theta, observation, use) for observation in self.observations]
-        parts = side_by_side(calls, self.simulator.threads)
+        threads = threads_left(self.simulator.threads)
+        # those that are left over when each thread has had as many as the others share all threads
+        even = len(calls) // threads * threads
+        parts = [part for some in (calls[:even], calls[even:]) for part in side_by_side(some, threads)]
         for _, count, failed, failures in parts:
-            self.n_simulations += count
-            self.n_failed += failed
-            self._failures = failures or self._failures
+            self._count(count, failed, failures)
         return [part for part, *_ in parts]
 
     def _respond(

@@ -248,7 +248,8 @@ class BoundedSearch:
         """
         assert track.latest is not None
         w = np.asarray(widths, dtype=float)[:, None]
-        factor = cholesky(track.latest.T @ track.latest + np.eye(len(track.u)) / self._prior**2)
+        # not from the square of the Jacobian, of which rounding leaves nothing definite where a model nearly diverges
+        factor = np.linalg.qr(np.vstack([track.latest, np.eye(len(track.u)) / self._prior]), mode="r")
         draws = generator(random_state).standard_normal((len(w), len(track.u)))
         return np.clip(track.u + w * solve_triangular(factor, draws.T).T, self._lower, self._upper)
 

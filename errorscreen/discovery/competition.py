@@ -10,14 +10,14 @@ from zlib import crc32
 import numpy as np
 
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.discovery.growth import STARTS, Growth, begun, outgrown
+from errorscreen.discovery.growth import Growth, begun, outgrown
 from errorscreen.discovery.hypotheses import Hypothesis, JointFit, linearised
 from errorscreen.discovery.journal import Journal
+from errorscreen.discovery.racing import attempted
 from errorscreen.discovery.refinement import NAMED, PART, WORTH, Refinement
 from errorscreen.discovery.signatures import SignatureSearch
 from errorscreen.discovery.waves import anew, promised
 from errorscreen.effects.base import Effect
-from errorscreen.threads import side_by_side
 
 #: fits with one effect more that are led further
 _BEAM = 2
@@ -32,8 +32,8 @@ _CLEARLY_NOISE = 0.2
 _TIMES = 3
 #: fits that reach the end of a race, for each that is fitted to the end elsewhere
 _ARRIVE = 0.5
-#: most pairs that are all tried, and starts of each
-_MOST_PAIRS, _PAIR_STARTS = 300, 3
+#: most pairs that are all tried
+_MOST_PAIRS = 300
 
 
 class Competition(Refinement):
@@ -107,7 +107,7 @@ class Competition(Refinement):
                 break
             base = best
 
-    def _race(self, sets: Mapping[tuple[Effect, ...], Hypothesis], starts: int = STARTS) -> None:
+    def _race(self, sets: Mapping[tuple[Effect, ...], Hypothesis]) -> None:
         """Let fits of some sets of effects grow with the recordings, each from a fit of some of them, or of none."""
         bases: dict[frozenset[Effect], Hypothesis] = {}
         problems: dict[tuple[Effect, ...], FitProblem] = {}
@@ -123,14 +123,13 @@ class Competition(Refinement):
 
         def begin(effects: tuple[Effect, ...], n: int) -> Growth:
             base = bases[frozenset(effects)]
-            return begun(base, effects, problems[effects], n, self._seed(base, effects[-1], 2, n))
+            seed = self._seed(base, effects[-1], 2, n)
+            return begun(base, effects, problems[effects], n, seed, self.rough_step)
 
         fits = [partial(begin, effects) for effects in problems]
         arrive = max(1, round(_ARRIVE * self.n_fits))
         threads = self.simulator.threads
-        self._compete(
-            problems, lambda: outgrown(fits, arrive, self.tell, threads, starts, self._may_leave_noise)
-        )
+        self._compete(problems, lambda: outgrown(fits, arrive, self.tell, threads, self._may_leave_noise))
         size = len(next(iter(problems)))
         self._lead(sorted(self.with_effects(size), key=lambda h: h.objective))
         self.n_simulations += sum(problem.n_simulations for problem in problems.values())
@@ -170,7 +169,7 @@ class Competition(Refinement):
             # hardly one of them is right: nothing says where to begin
             pairs = list(combinations(candidates, 2))
             if len(pairs) <= _MOST_PAIRS:
-                self._race(dict.fromkeys(pairs, self.base), _PAIR_STARTS)
+                self._race(dict.fromkeys(pairs, self.base))
             return
         sets = [tuple(e for e in best.effects if e is not dropped) for dropped in best.effects]
         fewer = [h for h in self.with_effects(len(best.effects) - 1) if self.leaves_less(h, PART)]
@@ -197,7 +196,15 @@ class Competition(Refinement):
             points.append((nominal, linearised(problem, nominal)[1]))
             self.n_simulations += problem.n_simulations
         searches = [
-            SignatureSearch(simulator, observations, effect, points, self.n_draws, self._seed(base, effect))
+            SignatureSearch(
+                simulator,
+                observations,
+                effect,
+                points,
+                self.n_draws,
+                self._seed(base, effect),
+                self.rough_step,
+            )
             for effect in effects
         ]
         searches = self._journal.raced(searches, self.n_fits, simulator.threads)
@@ -209,7 +216,12 @@ class Competition(Refinement):
         self, problems: Mapping[tuple[Effect, ...], FitProblem], fits: Callable[[], Sequence[JointFit]]
     ) -> None:
         """Make fits of some problems, of which each has other effects."""
-        self._take(problems, lambda: side_by_side([fit.hypothesis for fit in fits()], self.simulator.threads))
+
+        def fitted() -> list[Hypothesis]:
+            ended = attempted([fit.hypothesis for fit in fits()], self.simulator.threads)
+            return [hypothesis for hypothesis in ended if hypothesis is not None]
+
+        self._take(problems, fitted)
 
     def _lead(self, hypotheses: Sequence[Hypothesis]) -> None:
         """Lead the first of some hypotheses as far as they go."""

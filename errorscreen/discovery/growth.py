@@ -42,7 +42,7 @@ _SCATTERED, _WIDTHS = 64, (0.5, 1.0, 3.0)
 #: simulations with all parameters drawn together, for each start
 _DRAWN = 64
 #: starts of each fit in the first round of a race, and in the second one
-STARTS, _MORE_STARTS = 6, 16
+_STARTS, _MORE_STARTS = 3, 16
 #: rounds of a race: after which part how many go on for each that is fitted to the end
 _FIRST, _SECOND = ((1, 8), (3, 2)), ((3, 1), (5, 1), (7, 1), (len(_PARTS), 1))
 #: parts after which it shows what is hopeless
@@ -63,6 +63,8 @@ class Growth:
         Deviations from the nominal values in multiples of the scales.
     random_state : None, int, SeedSequence, Generator or RandomState
         Of what scatters around them.
+    step : float, optional
+        See `rough_step`.
 
     Attributes
     ----------
@@ -72,17 +74,23 @@ class Growth:
         Lowest objective on that part.
     part : FitProblem
         The one to that part; all of it before the first.
+    step : float or None
     """
 
     def __init__(
-        self, effects: Sequence[Effect], problem: FitProblem, starts: ArrayLike, random_state: Any = 0
+        self,
+        effects: Sequence[Effect],
+        problem: FitProblem,
+        starts: ArrayLike,
+        random_state: Any = 0,
+        step: float | None = None,
     ) -> None:
         self.effects, self.problem, self.part = tuple(effects), problem, problem
         self.reached = np.atleast_2d(np.asarray(starts, dtype=float))
         self.objective = np.inf
         self._size, self._rng = len(self.reached), generator(random_state)
         self._fit: JointFit | None = None
-        self._number = 0
+        self._number, self.step, self._rough = 0, step, problem.with_step(step)
 
     def run(self, parts: int = len(_PARTS)) -> Growth:
         """Go on to so many parts in all.
@@ -93,12 +101,11 @@ class Growth:
             If no start can be simulated.
         """
         for share, kept, iterations in _PARTS[self._number : parts]:
-            self.part = part = self.problem.until(share)
+            self.part = part = self._rough.until(share)
             starts = self.reached if self._fit is None else self._scattered(self._fit, part)
             kept_ = max(1, round(kept * self._size))
             self._fit = JointFit(self.effects, part, starts, central=False).keep(kept_).run(iterations)
             self.reached, self.objective = self._fit.reached, self._fit.objective
-            self.problem.n_simulations += part.n_simulations
             self._number += 1
         return self
 
@@ -111,7 +118,12 @@ class Growth:
 
 
 def begun(
-    base: Hypothesis, effects: Sequence[Effect], problem: FitProblem, n: int, random_state: Any = 0
+    base: Hypothesis,
+    effects: Sequence[Effect],
+    problem: FitProblem,
+    n: int,
+    random_state: Any = 0,
+    step: float | None = None,
 ) -> Growth:
     """Fit from starts all over the ranges, not yet run.
 
@@ -130,6 +142,8 @@ def begun(
     n : int
         Starts.
     random_state : None, int, SeedSequence, Generator or RandomState
+    step : float, optional
+        See `rough_step`.
     """
     rng = generator(random_state)
     u = problem.drawn(n * _DRAWN, rng).reshape(n, _DRAWN, -1)
@@ -140,10 +154,9 @@ def begun(
         if len(effects) == len(base.effects):  # of two effects every combination
             near &= (np.arange(n) >> number) % 2 == 0
         u[:, :, own] = _values(effect, problem, own, fitted, near, rng)[:, None]
-    part = problem.until(_PARTS[0][0])
+    part = problem.with_step(step).until(_PARTS[0][0])
     objective = np.nan_to_num(objectives(part, u.reshape(n * _DRAWN, -1)), nan=np.inf).reshape(n, _DRAWN)
-    problem.n_simulations += part.n_simulations
-    return Growth(effects, problem, u[np.arange(n), objective.argmin(axis=1)], rng)
+    return Growth(effects, problem, u[np.arange(n), objective.argmin(axis=1)], rng, step)
 
 
 def outgrown(
@@ -151,7 +164,6 @@ def outgrown(
     n: int,
     tell: Callable[[str], None],
     threads: int = 1,
-    starts: int = STARTS,
     hopeful: Callable[[Growth], bool] | None = None,
 ) -> Sequence[JointFit]:
     """Let fits grow side by side, and fit those that get furthest to all of the recordings.
@@ -168,14 +180,12 @@ def outgrown(
         Takes lines of text.
     threads : int
         Of which each has one fit at a time.
-    starts : int, default 6
-        Of each in the first round.
     hopeful : callable, optional
         Whether it is worth going on with one that leads; asked once all have seen a fifth of the recordings.
     """
     begin = list(fits)
     grown: list[Growth] = []
-    for number, cuts in ((starts, _FIRST), (_MORE_STARTS, _SECOND)):
+    for number, cuts in ((_STARTS, _FIRST), (_MORE_STARTS, _SECOND)):
         grown = side_by_side([partial(fit, number) for fit in begin], threads)
         for parts, kept in cuts:
             well = attempted([partial(growth.run, parts) for growth in grown], threads)
@@ -185,8 +195,8 @@ def outgrown(
                 running = [(fit, one) for fit, one in running if hopeful(one)]
             begin, grown = [fit for fit, _ in running], [one for _, one in running]
             tell(f"{len(grown)} of {len(well)} go on from {_PARTS[parts - 1][0]:.0%} of the recordings")
-    ended = attempted([partial(halved, one.effects, one.problem, one.reached) for one in grown], threads)
-    return race(ended, threads)
+    ended = [partial(halved, one.effects, one.problem, one.reached, one.step) for one in grown]
+    return race(attempted(ended, threads), threads)
 
 
 def _values(

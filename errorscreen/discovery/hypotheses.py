@@ -35,6 +35,8 @@ PRIOR = 0.3
 _TOL, _STEP = 1e-2, 1e-4
 #: iterations at a time, and how many times a fit goes on for so many
 SLICE, SLICES = 5, 6
+#: iterations with the problem's own step after those with a longer one
+_EXACT = 10
 _ENDED = ("converged", "kink")
 #: state of a fit from which no start around it leads lower, although the linear model promises that
 CORNER = "corner"
@@ -185,6 +187,8 @@ class JointFit:
         Deviations from the nominal values in multiples of the scales.
     central : bool
         See `BoundedSearch`; without, it has no `hypothesis`.
+    step : float, optional
+        Of the integration until `exact`, see `rough_step`; the problem's own where not given.
 
     Raises
     ------
@@ -193,10 +197,15 @@ class JointFit:
     """
 
     def __init__(
-        self, effects: Sequence[Effect], problem: FitProblem, starts: ArrayLike, central: bool = True
+        self,
+        effects: Sequence[Effect],
+        problem: FitProblem,
+        starts: ArrayLike,
+        central: bool = True,
+        step: float | None = None,
     ) -> None:
-        self.effects, self.problem = tuple(effects), problem
-        self._search = _search(problem, central)
+        self.effects, self.problem, self._step = tuple(effects), problem, step
+        self._search = _search(problem.with_step(step), central)
         self._search.begin(starts)
         if not self._search.tracks:
             raise problem.no_success()
@@ -245,6 +254,12 @@ class JointFit:
                 self.run(SLICE)
         return self
 
+    def exact(self) -> JointFit:
+        """Fit from the best that has been reached, with the problem's own step of the integration."""
+        if self._step is None:
+            return self
+        return JointFit(self.effects, self.problem, self.reached[0]).run(_EXACT)
+
     def keep(self, n: int) -> JointFit:
         """Drop all but the best starts."""
         self._search.tracks = self._ordered[:n]
@@ -252,8 +267,9 @@ class JointFit:
 
     def hypothesis(self, smooth: ArrayLike = True) -> Hypothesis:
         """What has been reached, without the bias by noise of injected signals; for `smooth` see `relieved`."""
-        found = relieved(self._search, self.problem, smooth)
-        return described(self.effects, self.problem, found, self.objective)
+        fit = self.exact()
+        found = relieved(fit._search, fit.problem, smooth)
+        return described(fit.effects, fit.problem, found, fit.objective)
 
 
 def candidates(

@@ -16,6 +16,7 @@ from errorscreen.discovery.hypotheses import HOPE, Hypothesis, fit_hypothesis
 from errorscreen.discovery.journal import Journal
 from errorscreen.discovery.own_noise import own_noise
 from errorscreen.discovery.restarts import escapes, followed, off_the_edge, rested, searched
+from errorscreen.discovery.rough_step import rough_step
 from errorscreen.discovery.signatures import projected
 from errorscreen.discovery.standings import Standings
 from errorscreen.effects.base import Effect
@@ -69,6 +70,8 @@ class Refinement(Standings):
         See `Standings`.
     measured : tuple of Observation
         With the noise that was estimated without effects.
+    rough_step : float or None
+        For what is only ranked, see `errorscreen.discovery.rough_step`.
     n_simulations : int
     """
 
@@ -87,6 +90,9 @@ class Refinement(Standings):
         self._spread_out: Counter[str] = Counter()  # how often each has been fitted from everywhere
         self._led: set[float] = set()  # objectives of fits that have no way out
         self._coarse: set[float] = set()  # objectives of fits that a finer step makes no better
+        problem = FitProblem(base.simulator, list(base.observations), base.names)
+        self.rough_step = rough_step(problem, base.u, seed)
+        self.n_simulations += problem.n_simulations
         self.keep(base, self.test(base))
         self._polish(base)
 
@@ -106,7 +112,8 @@ class Refinement(Standings):
         """Follow ways out of a local minimum, as long as they lead lower; with few parameters, search everywhere."""
         best, adequate = hypothesis, self.is_adequate(hypothesis)
         for _ in range(_ESCAPES):
-            better = None if adequate else _lower(best, problem, partial(self._ways_out, best, problem))
+            ways = partial(self._ways_out, best, problem, self.rough_step)
+            better = None if adequate else _lower(best, problem, ways, step=self.rough_step)
             if better is None:
                 break
             best, adequate = better, self.passes(self.test(better))
@@ -115,8 +122,10 @@ class Refinement(Standings):
             best = _lower(best, problem, lambda: [searched(problem, self.seed)]) or best
         return None if best is hypothesis else best
 
-    def _ways_out(self, hypothesis: Hypothesis, problem: FitProblem) -> list[_Array]:
-        return escapes(hypothesis, problem, self.seed)[:_KEPT]
+    def _ways_out(
+        self, hypothesis: Hypothesis, problem: FitProblem, step: float | None = None
+    ) -> list[_Array]:
+        return escapes(hypothesis, problem, self.seed, step)[:_KEPT]
 
     def _take(
         self, problems: Mapping[tuple[Effect, ...], FitProblem], fit: Callable[[], Sequence[Hypothesis]]
@@ -198,9 +207,10 @@ class Refinement(Standings):
         problem: FitProblem,
         starts: Callable[[], Sequence[_Array] | _Array],
         worth: float = WORTH,
+        step: float | None = None,
     ) -> Hypothesis | None:
         """Fit a hypothesis from other starts, and take it in place of this one; None if that does not lead lower."""
-        fit = partial(_lower, hypothesis, problem, starts, worth)
+        fit = partial(_lower, hypothesis, problem, starts, worth, step)
         better = self._journal.fitted(hypothesis.effects, problem, fit)
         if better is not None:
             self.keep(better, self.test(better), hypothesis)
@@ -276,12 +286,12 @@ class Refinement(Standings):
         seed = np.random.SeedSequence(self.seed, spawn_key=(number,))
 
         def starts() -> _Array:
-            growth = begun(hypothesis, hypothesis.effects, problem, n, seed)
+            growth = begun(hypothesis, hypothesis.effects, problem, n, seed, self.rough_step)
             if len(hypothesis.effects) > 1 and not self._may_leave_noise(growth.run(JUDGED)):
                 return growth.reached[:0]
             return growth.run().reached
 
-        better = self._better(hypothesis, problem, starts)
+        better = self._better(hypothesis, problem, starts, step=self.rough_step)
         self.n_simulations += problem.n_simulations
         return self._polish(self._escape([better or hypothesis])[0])
 
@@ -291,7 +301,7 @@ class Refinement(Standings):
         What is right fits a part of the recordings once it has been found, and is named only if it fits all of them.
         """
         part = growth.part
-        alone = FitProblem(self.base.simulator, part.observations, self.base.names)
+        alone = FitProblem(self.base.simulator, part.observations, self.base.names).with_step(self.rough_step)
         whole = float(alone.chi_square(alone.values(self.base.u))[0])
         growth.problem.n_simulations += alone.n_simulations  # those of a problem are in the journal
         left, whole = growth.objective - part.n_values, whole - part.n_values
@@ -320,9 +330,10 @@ def _lower(
     problem: FitProblem,
     starts: Callable[[], Sequence[_Array] | _Array],
     worth: float = WORTH,
+    step: float | None = None,
 ) -> Hypothesis | None:
     """Fit of a hypothesis from other starts; None if that does not lead lower."""
     with contextlib.suppress(SimulationError):
         points = starts()
-        return followed(hypothesis, problem, points, worth) if len(points) else None
+        return followed(hypothesis, problem, points, worth, step) if len(points) else None
     return None

@@ -38,7 +38,9 @@ _BESIDE_CROWD, _BESIDE_SPREADS, _BESIDE_GENERATIONS = 32, (0.3, 0.1, 0.03, 0.01)
 _Array = NDArray[np.float64]
 
 
-def escapes(hypothesis: Hypothesis, problem: FitProblem, random_state: Any = 0) -> list[_Array]:
+def escapes(
+    hypothesis: Hypothesis, problem: FitProblem, random_state: Any = 0, step: float | None = None
+) -> list[_Array]:
     """Points from which a fit may reach a lower minimum, the most promising first.
 
     One parameter of an effect at a time is moved through its range, and the others follow by the linear model, as in
@@ -52,12 +54,16 @@ def escapes(hypothesis: Hypothesis, problem: FitProblem, random_state: Any = 0) 
     problem : FitProblem
         It was fitted to.
     random_state : None, int, SeedSequence, Generator or RandomState
+    step : float, optional
+        See `rough_step`.
 
     Returns
     -------
     list of ndarray of shape (k,)
         Only those that promise less than the hypothesis has reached.
     """
+    rough = problem.with_step(step)
+    least = hypothesis.objective if step is None else float(objectives(rough, hypothesis.u[None])[0])
     space, u = problem.space, hypothesis.u
     index = {name: j for j, name in enumerate(problem.names)}
     tried: list[tuple[_Array, NDArray[np.int64]]] = []
@@ -84,9 +90,9 @@ def escapes(hypothesis: Hypothesis, problem: FitProblem, random_state: Any = 0) 
     found: list[tuple[float, _Array]] = []
     for rows, moved in tried:
         others = np.flatnonzero(hypothesis.free & ~np.isin(np.arange(len(u)), moved))
-        objective, steps = projected(problem, rows, hypothesis.jacobian[:, others], others)
+        objective, steps = projected(rough, rows, hypothesis.jacobian[:, others], others)
         best = int(np.argmin(objective))
-        if objective[best] < hypothesis.objective:
+        if objective[best] < least:
             start = rows[best].copy()
             start[others] += steps[best]
             found.append((float(objective[best]), start))
@@ -94,7 +100,7 @@ def escapes(hypothesis: Hypothesis, problem: FitProblem, random_state: Any = 0) 
 
 
 def followed(
-    hypothesis: Hypothesis, problem: FitProblem, starts: ArrayLike, worth: float
+    hypothesis: Hypothesis, problem: FitProblem, starts: ArrayLike, worth: float, step: float | None = None
 ) -> Hypothesis | None:
     """Fit of a hypothesis from other starts (s, k), of which fewer and fewer are kept.
 
@@ -107,25 +113,29 @@ def followed(
     starts : array-like of shape (s, k)
     worth : float
         By how much the objective must be lower; else the result is None.
+    step : float, optional
+        See `rough_step`.
 
     Raises
     ------
     SimulationError
         If none of the starts can be simulated.
     """
-    fit = halved(hypothesis.effects, problem, starts).pursue(hypothesis.objective)
+    fit = halved(hypothesis.effects, problem, starts, step).pursue(hypothesis.objective).exact()
     return fit.hypothesis() if fit.objective <= hypothesis.objective - worth else None
 
 
-def halved(effects: Sequence[Effect], problem: FitProblem, starts: ArrayLike) -> JointFit:
-    """Fit from starts (s, k), of which fewer and fewer are kept.
+def halved(
+    effects: Sequence[Effect], problem: FitProblem, starts: ArrayLike, step: float | None = None
+) -> JointFit:
+    """Fit from starts (s, k), of which fewer and fewer are kept; for `step` see `JointFit`.
 
     Raises
     ------
     SimulationError
         If none of the starts can be simulated.
     """
-    fit = JointFit(effects, problem, starts)
+    fit = JointFit(effects, problem, starts, step=step)
     for kept, iterations in _HALVING:
         fit.keep(kept).run(iterations)
     return fit.keep(_FOLLOWED)

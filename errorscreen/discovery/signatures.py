@@ -59,11 +59,14 @@ class SignatureSearch:
     n_draws : int
         In each round; in the first as many for each of `Effect.minima`.
     random_state : None, int, SeedSequence, Generator or RandomState
+    step : float, optional
+        See `rough_step`.
 
     Attributes
     ----------
     problem : FitProblem
         Of the extended simulator.
+    step : float or None
     """
 
     def __init__(
@@ -74,9 +77,11 @@ class SignatureSearch:
         points: Sequence[tuple[_Array, _Array]],
         n_draws: int,
         random_state: Any,
+        step: float | None = None,
     ) -> None:
         self.effect, self._points = effect, points
         self.problem = FitProblem(simulator.extend(effect), list(observations))
+        self.step, self._rough = step, self.problem.with_step(step)
         self._k = len(simulator.parameters)
         d = len(self.problem.space) - self._k
         self._unit = ParameterSpace(Parameter(f"p{i}", 0.5, 0.0, 1.0) for i in range(d))
@@ -98,7 +103,7 @@ class SignatureSearch:
                 shares = self._drawn(best)
                 draws = spread_over(self.problem.space, self._k, shares, [self.effect])
                 rows = np.hstack([np.tile(u, (len(draws), 1)), draws])
-                objective, steps = projected(self.problem, rows, J, np.arange(self._k))
+                objective, steps = projected(self._rough, rows, J, np.arange(self._k))
                 best += [(float(o), x, step) for o, x, step in zip(objective, shares, steps, strict=True)]
                 best.sort(key=lambda item: item[0])
                 del best[_ELITE:]
@@ -135,7 +140,7 @@ class SignatureSearch:
         found.sort(key=lambda item: item[0])
         starts = [start for _, start in found]
         starts += _matches(
-            self.problem, np.array([start[self._k :] for start in starts]), n_matches, self._rng
+            self._rough, np.array([start[self._k :] for start in starts]), n_matches, self._rng
         )
         return np.array(starts)
 

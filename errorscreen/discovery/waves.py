@@ -61,7 +61,7 @@ def promised(
 
 
 def _promised(search: SignatureSearch, effects: tuple[Effect, ...], matches: int) -> JointFit:
-    fit = JointFit(effects, search.problem, search.starts(matches))
+    fit = JointFit(effects, search.problem, search.starts(matches), step=search.step)
     return fit.keep(_BEGUN).run(SLICE).keep(_KEPT)
 
 
@@ -97,8 +97,8 @@ def anew(
 
 
 def _anew(search: SignatureSearch, seed: np.random.SeedSequence) -> JointFit:
-    fit = JointFit([search.effect], search.problem, search.scattered(_SCATTERED, seed))
-    return fit.run(_FIRST).keep(_KEPT)
+    starts = search.scattered(_SCATTERED, seed)
+    return JointFit([search.effect], search.problem, starts, step=search.step).run(_FIRST).keep(_KEPT)
 
 
 def _furthest(fits: Collection[JointFit | None], n: int) -> list[JointFit]:

@@ -159,7 +159,12 @@ class Network:
         if impedance == 0:
             return self._changed(grounded=self.grounded | {bus})
         y = 1 / complex(impedance)
-        return self._changed(shunts=(*self.shunts, Shunt(bus, y.real, y.imag)))
+        faulted = self._changed(shunts=(*self.shunts, Shunt(bus, y.real, y.imag)))
+        # a search tries thousands of impedances: the rest of the matrix stays
+        Y = self._branches_and_shunts.copy()
+        Y[self._index[bus], self._index[bus]] += y
+        faulted.__dict__["_branches_and_shunts"] = Y
+        return faulted
 
     def _changed(self, **elements: Any) -> Network:
         """Grid with other elements at the same buses and the same connections, which need not be checked again."""

@@ -183,7 +183,7 @@ def _unit_responses(
 ) -> NDArray[np.complex128]:
     """Voltages of all buses for 1 pu at each terminal in turn, shape (n_buses, n_terminals)."""
     V = np.zeros((len(Y), len(terminals)), dtype=complex)
-    free = np.setdiff1d(np.arange(len(Y)), grounded)
+    free = np.delete(np.arange(len(Y)), grounded)
     units = (free[:, None] == terminals).astype(complex)
     V[free] = _solve(Y[np.ix_(free, free)], units)
     return V
