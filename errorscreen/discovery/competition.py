@@ -32,6 +32,8 @@ _CLEARLY_NOISE = 0.2
 _TIMES = 3
 #: fits that reach the end of a race, for each that is fitted to the end elsewhere
 _ARRIVE = 0.5
+#: what leaves less than this share of what parameters leave is fitted from everywhere, too, so many of these at most
+_RIVAL, _RIVALS = 0.003, 3
 #: most pairs that are all tried
 _MOST_PAIRS = 300
 
@@ -255,6 +257,9 @@ class Competition(Refinement):
             if nearest is not None:
                 sets += [(effect,) for effect in nearest.effects if number > 1]
                 sets.append(nearest.effects)
+        # a wrong pair may be nearest because the right one is stuck
+        rivals = [h for h in self.with_effects(self.most_effects) if self.leaves_less(h, _RIVAL)]
+        sets += [h.effects for h in sorted(rivals, key=lambda h: h.objective)[:_RIVALS]]
         for effects in dict.fromkeys(sets):
             if self.adequate:
                 return

@@ -122,3 +122,10 @@ def test_a_part_of_the_recordings_is_what_it_is_in_the_whole(share):
         assert cut.event.name == full.event.name
     for early, all_of_it in zip(part.deviations(values), whole.deviations(values), strict=True):
         np.testing.assert_allclose(early, all_of_it[..., : early.shape[-1]], atol=1e-9)
+
+
+def test_simulations_of_a_part_and_with_another_step_count_in_the_whole():
+    whole = FitProblem(SIMULATOR, recordings())
+    part = whole.until(0.5).with_step(0.1)
+    part.chi_square([SIMULATOR.parameters.nominal] * 3)
+    assert part.n_simulations == whole.n_simulations == 3 * len(whole.observations)

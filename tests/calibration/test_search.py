@@ -245,3 +245,17 @@ def test_points_scatter_inside_the_bounds():
     search.iterate()
     points = search.scattered(search.tracks[0], np.linspace(0.1, 5.0, 50), 0)
     assert np.all((points >= [-1.0, -1.0]) & (points <= [1.0, 2.0]))
+
+
+def test_starts_scatter_also_where_a_model_nearly_diverges():
+    """The square of such a Jacobian is not positive definite any more."""
+    search = BoundedSearch(
+        lambda u: 1e14 * u.sum(axis=1, keepdims=True) * np.array([1.0, 1.3, 0.7]),
+        [-1.0] * 3, [1.0] * 3, prior=0.3, tol=1e-6, step=1e-4,
+    )  # fmt: skip
+    search.begin(np.zeros((1, 3)))
+    search.differentiate(search.tracks)
+    points = search.scattered(search.best, np.ones(400), 0)
+    # what the sum leaves free scatters as the prior does, and the sum itself hardly at all
+    assert np.ptp(points.sum(axis=1)) < 1e-6
+    assert np.std(points[:, 0] - points[:, 1]) == pytest.approx(0.3 * np.sqrt(2.0), rel=0.15)

@@ -243,3 +243,28 @@ def test_only_what_has_several_minima_is_fitted_from_everywhere_again(minima, ti
     monkeypatch.setattr(Competition, "explained", lambda self, size, share: True)
     found._insist()
     assert sum("other starts" in line for line in lines) == times
+
+
+@pytest.mark.parametrize("little", [True, False])
+def test_pairs_that_leave_as_little_as_may_be_named_are_fitted_from_everywhere_too(little, monkeypatch):
+    """The nearest may be a wrong one, beside which the right one is stuck."""
+    simulator = oscillator(push(time=TIME), step=0.05)
+    known = {effect.name: effect for effect in simulator.effects}
+    observation = simulator.observe(recorded(NAMES, [0.45, 4.4, 0.6, 0.4], 2e-3))
+    found = competition(simulator, observation, max_effects=2)
+    pairs = ("force.lag", "lag_position"), LEAVES_LITTLE
+    for pair in pairs:
+        found._refit([known[name] for name in pair], found.base, [found.base], everywhere=False)
+    spread = []
+    monkeypatch.setattr(
+        Competition, "_everywhere", lambda self, fitted, times=1: spread.append(fitted.name) or fitted
+    )
+    monkeypatch.setattr("errorscreen.discovery.refinement.PART", np.inf)
+    monkeypatch.setattr(Competition, "adequate", property(lambda self: []))
+    monkeypatch.setattr(Competition, "is_adequate", lambda self, fitted: False)
+    monkeypatch.setattr(Competition, "leaves_less", lambda self, fitted, share: little)
+    found._spread()
+    nearest = found.nearest(2).name
+    assert nearest in spread
+    both = {" + ".join(pair) for pair in pairs}
+    assert both & set(spread) == (both if little else {nearest})
