@@ -24,6 +24,10 @@ _JITTER = 1e-12
 _NO_PROGRESS = 1e-2
 #: such a share of what a fit leaves beyond noise counts as one standard deviation of one parameter, where it is more
 _BEYOND = 0.1
+#: shares of a step that settles, of which the best is taken, and how many such steps
+_SETTLING, _SETTLED = (1.0, 0.5, 0.25, 0.125), 3
+#: by what square such a step minds what it changes in the residuals more than the objective does
+_MIND = 100.0
 #: guesses of what lies at a bound, before an algorithm that cannot cycle takes over
 _GUESSES = 30
 
@@ -185,6 +189,36 @@ class BoundedSearch:
                 track.central, track.jacobian = True, None
         self._differentiate(tracks)
 
+    def settle(self, track: Track) -> None:
+        """Move a track along what its residuals do not tell, to where the prior wants it.
+
+        Where more than noise is left, what the prior promises is less than what is pursued, and no step keeps what the
+        linear model promises where limiters act. So a search ends anywhere on a ridge: a dead band of which only one
+        side acted has its other side where the start had it. A step that settles changes the residuals as little as
+        the prior allows, as if their gradient were zero.
+
+        Parameters
+        ----------
+        track : Track
+            Keeps its state, and its Jacobian by central differences where it stays.
+        """
+        for _ in range(_SETTLED):
+            self.differentiate([track])
+            A, _ = self.normal_equations(track, 1.0 / _MIND)
+            step = self._minima(track, A, track.u / self._prior**2, [0.0])[0]
+            moved = np.clip(track.u + np.outer(_SETTLING, step), self._lower, self._upper)
+            wanted = (track.u @ track.u - moved[0] @ moved[0]) / self._prior**2
+            if wanted < self._tol:
+                break
+            z = self._residuals(moved)
+            costs = self._costs(moved, z)
+            best = int(np.nan_to_num(costs, nan=np.inf).argmin())
+            if not track.cost - costs[best] > self._tol:
+                break
+            track.u, track.residuals, track.cost = moved[best], z[best].copy(), float(costs[best])
+            track.jacobian = None
+        self.differentiate([track])
+
     def _differentiate(self, tracks: list[Track]) -> None:
         """Give each track its Jacobian, where it has none: all differences in one batch."""
         tracks = [track for track in tracks if track.jacobian is None]
@@ -270,12 +304,11 @@ class BoundedSearch:
     def promise(self, track: Track) -> float:
         """How much the undamped linear model would lower the objective."""
         A, g = self.normal_equations(track)
-        d = self._steps(track, [0.0])[0]
+        d = self._minima(track, A, g, [0.0])[0]
         return float(-(2 * g @ d + d @ A @ d))
 
-    def _steps(self, track: Track, dampings: ArrayLike) -> _Array:
-        """Minimiser of the damped linear model inside the bounds for each damping value, (7, k)."""
-        A, g = self.normal_equations(track)
+    def _minima(self, track: Track, A: _Array, g: _Array, dampings: ArrayLike) -> _Array:
+        """Minimiser of a damped quadratic function of the step inside the bounds for each damping value, (7, k)."""
         scale = np.sqrt(np.diag(A))
         A, g = A / np.outer(scale, scale), g / scale
         low, high = (self._lower - track.u) * scale, (self._upper - track.u) * scale
@@ -288,7 +321,9 @@ class BoundedSearch:
     def _try_steps(self, tracks: list[Track]) -> None:
         """Evaluate all damping values of all tracks in one batch and take the best of each."""
         dampings = np.array([track.damping * _DAMPINGS for track in tracks])
-        steps = np.array([self._steps(t, d) for t, d in zip(tracks, dampings, strict=True)])
+        steps = np.array(
+            [self._minima(t, *self.normal_equations(t), d) for t, d in zip(tracks, dampings, strict=True)]
+        )
         trials = np.clip(np.array([t.u for t in tracks])[:, None] + steps, self._lower, self._upper)
         z = self._residuals(trials.reshape(-1, trials.shape[-1])).reshape(*trials.shape[:2], -1)
         for track, damping, trial, values in zip(tracks, dampings, trials, z, strict=True):

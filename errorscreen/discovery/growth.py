@@ -25,6 +25,7 @@ from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery.hypotheses import Hypothesis, JointFit
 from errorscreen.discovery.racing import attempted, race
 from errorscreen.discovery.restarts import halved
+from errorscreen.discovery.rough_step import good_enough
 from errorscreen.discovery.signatures import SPREADS, objectives, spread_over
 from errorscreen.effects.base import Effect
 from errorscreen.parameters import Parameter, ParameterSpace
@@ -75,6 +76,7 @@ class Growth:
     part : FitProblem
         The one to that part; all of it before the first.
     step : float or None
+        None as soon as it is not good enough with the effects.
     """
 
     def __init__(
@@ -107,6 +109,8 @@ class Growth:
             self._fit = JointFit(self.effects, part, starts, central=False).keep(kept_).run(iterations)
             self.reached, self.objective = self._fit.reached, self._fit.objective
             self._number += 1
+            self.step = good_enough(self.problem.until(share), self.reached[0], self.step)
+            self._rough = self.problem.with_step(self.step)
         return self
 
     def _scattered(self, fit: JointFit, part: FitProblem) -> _Array:

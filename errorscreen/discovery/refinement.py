@@ -16,7 +16,7 @@ from errorscreen.discovery.hypotheses import HOPE, Hypothesis, fit_hypothesis
 from errorscreen.discovery.journal import Journal
 from errorscreen.discovery.own_noise import own_noise
 from errorscreen.discovery.restarts import escapes, followed, off_the_edge, rested, searched
-from errorscreen.discovery.rough_step import rough_step
+from errorscreen.discovery.rough_step import good_enough, rough_step
 from errorscreen.discovery.signatures import projected
 from errorscreen.discovery.standings import Standings
 from errorscreen.effects.base import Effect
@@ -111,9 +111,10 @@ class Refinement(Standings):
     def _way_out(self, hypothesis: Hypothesis, problem: FitProblem) -> Hypothesis | None:
         """Follow ways out of a local minimum, as long as they lead lower; with few parameters, search everywhere."""
         best, adequate = hypothesis, self.is_adequate(hypothesis)
+        step = None if adequate else good_enough(problem, hypothesis.u, self.rough_step)
         for _ in range(_ESCAPES):
-            ways = partial(self._ways_out, best, problem, self.rough_step)
-            better = None if adequate else _lower(best, problem, ways, step=self.rough_step)
+            ways = partial(self._ways_out, best, problem, step)
+            better = None if adequate else _lower(best, problem, ways, step=step)
             if better is None:
                 break
             best, adequate = better, self.passes(self.test(better))
@@ -284,14 +285,15 @@ class Refinement(Standings):
         problem = FitProblem(hypothesis.simulator, list(hypothesis.observations), hypothesis.names)
         n = _STARTS * max(1, len(hypothesis.effects))
         seed = np.random.SeedSequence(self.seed, spawn_key=(number,))
+        step = good_enough(problem, hypothesis.u, self.rough_step)
 
         def starts() -> _Array:
-            growth = begun(hypothesis, hypothesis.effects, problem, n, seed, self.rough_step)
+            growth = begun(hypothesis, hypothesis.effects, problem, n, seed, step)
             if len(hypothesis.effects) > 1 and not self._may_leave_noise(growth.run(JUDGED)):
                 return growth.reached[:0]
             return growth.run().reached
 
-        better = self._better(hypothesis, problem, starts, step=self.rough_step)
+        better = self._better(hypothesis, problem, starts, step=step)
         self.n_simulations += problem.n_simulations
         return self._polish(self._escape([better or hypothesis])[0])
 

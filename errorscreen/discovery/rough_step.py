@@ -58,11 +58,29 @@ def rough_step(problem: FitProblem, u: ArrayLike, random_state: Any = 0) -> floa
             found = _measured(rough, values)
         except InputError:  # the grid must change on a step, and does not on one so long
             continue
-        added = [np.sqrt(np.mean((r - e) ** 2, axis=1)) for r, e in zip(found, exact, strict=True)]
-        well = np.max(added, axis=0) <= _BELOW
+        well = _added(found, exact) <= _BELOW
         if well[0] and well[known].mean() >= _SHARE:
             return float(longer)
     return None
+
+
+def good_enough(problem: FitProblem, u: ArrayLike, step: float | None) -> float | None:
+    """A longer step where it ranks a problem well at a point u (k,); None where it does not, or none is given.
+
+    What is good enough without effects may not be so with one: friction that holds a shaft at rest, a clock that is a
+    fraction of a step late.
+    """
+    if step is None:
+        return None
+    values = problem.values(np.atleast_2d(u))
+    added = _added(_measured(problem.with_step(step), values), _measured(problem, values))
+    return step if added[0] <= _BELOW else None
+
+
+def _added(rough: list[NDArray[np.float64]], exact: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Largest root mean square (n,) that the longer step adds to a recording; NaN where it cannot be simulated."""
+    parts = [np.sqrt(np.mean((r - e) ** 2, axis=1)) for r, e in zip(rough, exact, strict=True)]
+    return np.asarray(np.max(parts, axis=0))
 
 
 def _measured(problem: FitProblem, values: NDArray[np.float64]) -> list[NDArray[np.float64]]:

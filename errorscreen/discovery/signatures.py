@@ -13,6 +13,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery.hypotheses import PRIOR
+from errorscreen.discovery.rough_step import good_enough
 from errorscreen.effects.base import Effect
 from errorscreen.observations import Observation
 from errorscreen.parameters import Parameter, ParameterSpace
@@ -67,6 +68,7 @@ class SignatureSearch:
     problem : FitProblem
         Of the extended simulator.
     step : float or None
+        None from the first round on where it is not good enough with the effect.
     """
 
     def __init__(
@@ -81,14 +83,18 @@ class SignatureSearch:
     ) -> None:
         self.effect, self._points = effect, points
         self.problem = FitProblem(simulator.extend(effect), list(observations))
-        self.step, self._rough = step, self.problem.with_step(step)
+        self._take_step(step)
         self._k = len(simulator.parameters)
         d = len(self.problem.space) - self._k
         self._unit = ParameterSpace(Parameter(f"p{i}", 0.5, 0.0, 1.0) for i in range(d))
         self._rng = generator(random_state)
         self._n_draws = min(n_draws, _DRAWS_PER_SQUARE * d**2)  # one or two parameters need fewer
+
+    def _take_step(self, step: float | None) -> None:
+        """Begin, with this step."""
+        self.step, self._rough = step, self.problem.with_step(step)
         #: at each point the best so far: objective, shares of the ranges, steps of the other parameters
-        self._best: list[list[tuple[float, _Array, _Array]]] = [[] for _ in points]
+        self._best: list[list[tuple[float, _Array, _Array]]] = [[] for _ in self._points]
         self._round = 0
 
     @property
@@ -108,6 +114,9 @@ class SignatureSearch:
                 best.sort(key=lambda item: item[0])
                 del best[_ELITE:]
             self._round += 1
+            first = self._round == 1 and self.step is not None and np.isfinite(self.objective)
+            if first and good_enough(self.problem, self.starts()[0], self.step) is None:
+                self._take_step(None)
         return self
 
     def _drawn(self, best: Sequence[tuple[float, _Array, _Array]]) -> _Array:
@@ -173,6 +182,7 @@ class SignatureSearch:
             "children": np.array(seeds.n_children_spawned),
             "count": np.array(self.problem.n_simulations),
             "round": np.array(self._round),
+            "exact": np.array(self.step is None),
         }
         for number, best in enumerate(self._best):
             for key, values in zip(_KEPT, zip(*best, strict=True), strict=True):
@@ -181,6 +191,7 @@ class SignatureSearch:
 
     def restore(self, part: Mapping[str, NDArray[Any]]) -> SignatureSearch:
         """Go to where a search of the same kind was when it was packed."""
+        self._take_step(None if part["exact"] else self.step)
         self._rng.bit_generator.state = json.loads(part["rng"].tobytes())
         seeds: Any = self._rng.bit_generator.seed_seq
         seeds.spawn(int(part["children"]) - seeds.n_children_spawned)

@@ -259,3 +259,47 @@ def test_starts_scatter_also_where_a_model_nearly_diverges():
     # what the sum leaves free scatters as the prior does, and the sum itself hardly at all
     assert np.ptp(points.sum(axis=1)) < 1e-6
     assert np.std(points[:, 0] - points[:, 1]) == pytest.approx(0.3 * np.sqrt(2.0), rel=0.15)
+
+
+def ridge(u):
+    """Only the sum of the first two is told, where the third has a crease beside which no step keeps its promise."""
+    crease = 30.0 + 1e3 * np.abs(u[:, 2:3]) + 10.0 * u[:, 2:3]
+    return np.hstack([1e3 * (u[:, :1] + u[:, 1:2] - 0.4), crease, np.ones((len(u), 50))])
+
+
+@pytest.mark.parametrize("upper", [2.0, 0.1])
+def test_what_the_residuals_do_not_tell_settles_where_the_prior_wants_it(upper):
+    search = run(ridge, [-2.0] * 3, [upper, 2.0, 2.0], [[-1.2, 1.6, 1e-9]], prior=0.3)
+    before = search.best.cost
+    assert search.best.u[1] - search.best.u[0] > 0.5
+    search.settle(search.best)
+    np.testing.assert_allclose(search.best.u[:2], [min(0.2, upper), 0.4 - min(0.2, upper)], atol=1e-3)
+    assert search.best.cost < before - 1.0
+    assert search.best.jacobian is not None
+
+
+def test_what_has_converged_has_settled():
+    A = np.random.default_rng(0).standard_normal((20, 1)) @ [[1.0, -2.0, 1e-9]]
+    calls = []
+
+    def residuals(u):
+        calls.append(len(u))
+        return (u - [0.5, 0.2, 0.0]) @ A.T * 1e2
+
+    search = run(residuals, [-1] * 3, [1] * 3, np.zeros(3), prior=1.0)
+    u, before = search.best.u.copy(), len(calls)
+    search.settle(search.best)
+    assert np.array_equal(search.best.u, u)
+    assert sum(calls[before:]) <= 6  # differences, and no trial
+
+
+def test_settling_stays_where_what_is_tried_fails():
+    def fails(u):
+        z = ridge(u)
+        z[np.abs(u[:, 0] + 1.2) > 1e-3] = np.nan
+        return z
+
+    search = BoundedSearch(fails, [-2.0] * 3, [2.0] * 3, prior=0.3, tol=1e-3, step=1e-4)
+    search.begin([[-1.2, 1.6, 0.0]])
+    search.settle(search.best)
+    np.testing.assert_array_equal(search.best.u, [-1.2, 1.6, 0.0])

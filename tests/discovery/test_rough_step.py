@@ -5,8 +5,10 @@ import pytest
 
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.cases import load_ieee39
-from errorscreen.discovery.hypotheses import JointFit
-from errorscreen.discovery.rough_step import rough_step
+from errorscreen.discovery.growth import Growth
+from errorscreen.discovery.hypotheses import JointFit, linearised
+from errorscreen.discovery.rough_step import good_enough, rough_step
+from errorscreen.discovery.signatures import SignatureSearch
 from errorscreen.events import InputSignal, LineTrip
 from errorscreen.observations import Observation
 from errorscreen.parameters import Parameter
@@ -86,3 +88,53 @@ def test_a_fit_with_a_longer_step_ends_where_that_of_the_simulator_does(hidden):
     # those of the longer step count in the problem, too
     assert before > 0.5 * problems[0].n_simulations
     assert found.converged
+
+
+@pytest.fixture(scope="module")
+def shaft():
+    """A turning mass that dry friction holds at rest, and the model without friction."""
+    time, drawn = np.arange(0.0, 12.0, 0.02), np.random.default_rng(7)
+    event = InputSignal(time, "torque", 0.0, {"torque": np.repeat(drawn.uniform(-1.5, 1.5, 12), 50)})
+
+    def rhs(t, x, u, p, dx):
+        dx[0] = x[1]
+        dx[1] = p[0] * u[0] - p[1] * x[1]
+
+    space = [Parameter("gain", 2.0, 1.0, 4.0), Parameter("viscous", 0.8, 0.2, 2.0)]
+    model = ODESimulator(
+        rhs, ["angle", "speed"], space, event,
+        inputs=["torque"], outputs=["angle"], interpolation="hold", step=0.005,
+    )  # fmt: skip
+    friction = next(e for e in model.effects if e.name == "speed.coulomb(speed)")
+    truth = model.refined(5).extend(friction).simulate([2.3, 0.6, 1.0], event)
+    return model, friction, model.observe(recorded(truth.values[0], event, "angle"))
+
+
+def test_a_step_that_is_good_enough_without_an_effect_may_not_be_so_with_it(shaft):
+    model, friction, observation = shaft
+    problem, extended = FitProblem(model, observation), FitProblem(model.extend(friction), observation)
+    step, u = rough_step(problem, [0.0, 0.0]), [0.0, 0.0, 1.0 / extended.space.scales[2]]
+    assert step == pytest.approx(4 * model.step)
+    assert good_enough(problem, [0.0, 0.0], step) == step
+    assert good_enough(extended, u, step) is None
+    assert good_enough(extended, u, None) is None
+
+
+@pytest.mark.parametrize("kind", ["coulomb", "offset"])
+def test_each_effect_has_the_longer_step_only_where_it_is_good_enough_with_it(shaft, kind):
+    model, friction, observation = shaft
+    effect = friction if kind == "coulomb" else next(e for e in model.effects if e.name == "torque.offset")
+    longer = None if kind == "coulomb" else 4 * model.step
+    points = [(np.zeros(2), linearised(FitProblem(model, observation), np.zeros(2))[1])]
+
+    def search():
+        return SignatureSearch(model, [observation], effect, points, 16, 0, 4 * model.step)
+
+    whole, first = search().run(), search().run(1)
+    assert whole.step == longer
+    # one that is taken up again has the same step
+    again = search().restore(first.packed()).run()
+    assert again.step == longer
+    assert again.objective == whole.objective
+    growth = Growth([effect], whole.problem, whole.starts(), 0, 4 * model.step).run()
+    assert growth.step == longer
