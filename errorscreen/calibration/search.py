@@ -194,8 +194,8 @@ class BoundedSearch:
 
         Where more than noise is left, what the prior promises is less than what is pursued, and no step keeps what the
         linear model promises where limiters act. So a search ends anywhere on a ridge: a dead band of which only one
-        side acted has its other side where the start had it. A step that settles changes the residuals as little as
-        the prior allows, as if their gradient were zero.
+        side acted has its other side where the start had it. A step that settles goes where the prior is highest
+        among what changes next to nothing in the residuals, as if their gradient were zero.
 
         Parameters
         ----------

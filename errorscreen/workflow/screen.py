@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from errorscreen.calibration.problem import FitProblem
 from errorscreen.cases.case_models import RunSection, ScreeningSection
+from errorscreen.discovery.rough_step import rough_step
 from errorscreen.features import ResponseErrorTransformer
 from errorscreen.generation import generate_dataset
 from errorscreen.metrics import ranking
@@ -130,7 +132,7 @@ def _network(
 ) -> tuple[NDArray[np.float64], int, int]:
     """Simulate labelled errors, train, and read the measured error: the paper's method."""
     import_network()  # what is missing must be told before the simulations, not after them
-    error, training, contributions, n_failed = _training_set(
+    error, training, contributions, n_simulations, n_failed = _training_set(
         simulator, observation, section, run, folder, progress
     )
     screener = ContributionScreener(
@@ -141,7 +143,6 @@ def _network(
     )
     screener.fit(training, contributions)
     measured = error.transform(observation.values[None])
-    n_simulations = section.samples * (len(simulator.parameters) + 1)
     return screener.predict(measured)[0], n_simulations, n_failed
 
 
@@ -152,10 +153,15 @@ def _training_set(
     run: RunSection,
     folder: Path,
     progress: bool,
-) -> tuple[ResponseErrorTransformer, NDArray[np.float64], NDArray[np.float64], int]:
-    """Errors with labels; the responses themselves are let go of, because those of a fast recorder are large."""
+) -> tuple[ResponseErrorTransformer, NDArray[np.float64], NDArray[np.float64], int, int]:
+    """Errors with labels; the responses themselves are let go of, because those of a fast recorder are large.
+
+    Parameters are only ranked by them, so a longer step that adds less than half the noise is good enough.
+    """
+    problem = FitProblem(simulator, observation)
+    step = rough_step(problem, np.zeros(len(problem.names)), run.random_state)
     dataset = generate_dataset(
-        simulator,
+        problem.with_step(step).simulator,
         section.samples,
         observation.event,
         random_state=run.random_state,
@@ -167,4 +173,5 @@ def _training_set(
     error = ResponseErrorTransformer(dataset.baseline, missing="zero").fit(usable.responses)
     training = error.transform(usable.responses)
     training[:, ~observation.mask] = 0.0  # what was not measured must not be learned from
-    return error, training, usable.contributions, dataset.n_failed
+    n_simulations = section.samples * (len(problem.names) + 1) + problem.n_simulations
+    return error, training, usable.contributions, n_simulations, dataset.n_failed
