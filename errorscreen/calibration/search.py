@@ -189,7 +189,7 @@ class BoundedSearch:
                 track.central, track.jacobian = True, None
         self._differentiate(tracks)
 
-    def settle(self, track: Track) -> None:
+    def follow_prior(self, track: Track) -> None:
         """Move a track along what its residuals do not tell, to where the prior wants it.
 
         Where more than noise is left, what the prior promises is less than what is pursued, and no step keeps what the
@@ -212,7 +212,9 @@ class BoundedSearch:
                 break
             z = self._residuals(moved)
             costs = self._costs(moved, z)
-            best = int(np.nan_to_num(costs, nan=np.inf).argmin())
+            told = (z**2).sum(axis=1) - track.residuals @ track.residuals
+            costs[~(told < self._tol * max(self._unit(track), self._beyond(track)))] = np.inf
+            best = int(costs.argmin())
             if not track.cost - costs[best] > self._tol:
                 break
             track.u, track.residuals, track.cost = moved[best], z[best].copy(), float(costs[best])

@@ -90,6 +90,7 @@ class Competition(Refinement):
         self.rest()
         self._compare_parts(again=self.base is not base)
         self._settle()
+        self._finish()
 
     def _select(self, candidates: Sequence[Effect]) -> None:
         """Add one effect after another to what is best, as long as nothing is adequate."""

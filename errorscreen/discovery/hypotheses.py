@@ -268,7 +268,7 @@ class JointFit:
     def hypothesis(self, smooth: ArrayLike = True) -> Hypothesis:
         """What has been reached, without the bias by noise of injected signals; for `smooth` see `relieved`."""
         fit = self.exact()
-        fit._search.settle(fit._search.best)
+        fit._search.follow_prior(fit._search.best)
         found = relieved(fit._search, fit.problem, smooth)
         return described(fit.effects, fit.problem, found, fit.objective)
 

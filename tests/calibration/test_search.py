@@ -272,7 +272,7 @@ def test_what_the_residuals_do_not_tell_settles_where_the_prior_wants_it(upper):
     search = run(ridge, [-2.0] * 3, [upper, 2.0, 2.0], [[-1.2, 1.6, 1e-9]], prior=0.3)
     before = search.best.cost
     assert search.best.u[1] - search.best.u[0] > 0.5
-    search.settle(search.best)
+    search.follow_prior(search.best)
     np.testing.assert_allclose(search.best.u[:2], [min(0.2, upper), 0.4 - min(0.2, upper)], atol=1e-3)
     assert search.best.cost < before - 1.0
     assert search.best.jacobian is not None
@@ -288,7 +288,7 @@ def test_what_has_converged_has_settled():
 
     search = run(residuals, [-1] * 3, [1] * 3, np.zeros(3), prior=1.0)
     u, before = search.best.u.copy(), len(calls)
-    search.settle(search.best)
+    search.follow_prior(search.best)
     assert np.array_equal(search.best.u, u)
     assert sum(calls[before:]) <= 6  # differences, and no trial
 
@@ -301,5 +301,5 @@ def test_settling_stays_where_what_is_tried_fails():
 
     search = BoundedSearch(fails, [-2.0] * 3, [2.0] * 3, prior=0.3, tol=1e-3, step=1e-4)
     search.begin([[-1.2, 1.6, 0.0]])
-    search.settle(search.best)
+    search.follow_prior(search.best)
     np.testing.assert_array_equal(search.best.u, [-1.2, 1.6, 0.0])
