@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import cholesky, solve_triangular
-from scipy.linalg.lapack import dposv
-from scipy.optimize import lsq_linear
+from scipy.linalg import solve_triangular
 
+from errorscreen.calibration.quadratic import bounded_minimum
 from errorscreen.sampling import generator
 
 #: damping values tried in one batch, relative to the one that worked last
@@ -24,12 +23,10 @@ _JITTER = 1e-12
 _NO_PROGRESS = 1e-2
 #: such a share of what a fit leaves beyond noise counts as one standard deviation of one parameter, where it is more
 _BEYOND = 0.1
-#: shares of a step that settles, of which the best is taken, and how many such steps
-_SETTLING, _SETTLED = (1.0, 0.5, 0.25, 0.125), 3
+#: shares of a step that follows the prior, of which the best is taken, and how many such steps
+_SHARES, _PRIOR_STEPS = (1.0, 0.5, 0.25, 0.125), 3
 #: by what square such a step minds what it changes in the residuals more than the objective does
 _MIND = 100.0
-#: guesses of what lies at a bound, before an algorithm that cannot cycle takes over
-_GUESSES = 30
 
 _Array = NDArray[np.float64]
 
@@ -194,19 +191,19 @@ class BoundedSearch:
 
         Where more than noise is left, what the prior promises is less than what is pursued, and no step keeps what the
         linear model promises where limiters act. So a search ends anywhere on a ridge: a dead band of which only one
-        side acted has its other side where the start had it. A step that settles goes where the prior is highest
-        among what changes next to nothing in the residuals, as if their gradient were zero.
+        side acted has its other side where the start had it. A step that follows the prior goes where it is
+        highest among what changes next to nothing in the residuals, as if their gradient were zero.
 
         Parameters
         ----------
         track : Track
             Keeps its state, and its Jacobian by central differences where it stays.
         """
-        for _ in range(_SETTLED):
+        for _ in range(_PRIOR_STEPS):
             self.differentiate([track])
             A, _ = self.normal_equations(track, 1.0 / _MIND)
             step = self._minima(track, A, track.u / self._prior**2, [0.0])[0]
-            moved = np.clip(track.u + np.outer(_SETTLING, step), self._lower, self._upper)
+            moved = np.clip(track.u + np.outer(_SHARES, step), self._lower, self._upper)
             wanted = (track.u @ track.u - moved[0] @ moved[0]) / self._prior**2
             if wanted < self._tol:
                 break
@@ -350,60 +347,3 @@ def _moved(u: _Array, ends: _Array) -> _Array:
     diagonal = np.arange(len(u))
     points[:, diagonal, diagonal] = ends
     return points.reshape(-1, len(u))
-
-
-def bounded_minimum(
-    matrix: ArrayLike, slope: ArrayLike, lower: ArrayLike, upper: ArrayLike, near: ArrayLike | None = None
-) -> _Array:
-    r"""Minimiser of :math:`\tfrac12 d^T A d + g^T d` inside bounds, for a positive definite matrix A.
-
-    An infeasible active set method: what would leave a bound is put there, what is pulled inwards from one is let go,
-    all at once, until nothing changes (K. Kunisch and F. Rendl, "An infeasible active set method for quadratic
-    problems with simple bounds", *SIAM Journal on Optimization* 14(1), 2003). That is exact, and takes a few
-    factorisations of the free part of A. It may cycle; then `scipy.optimize.lsq_linear` takes over, whose method
-    (BVLS) moves one variable at a time, with a singular value decomposition for each.
-
-    Parameters
-    ----------
-    matrix : array-like of shape (k, k)
-        A.
-    slope : array-like of shape (k,)
-        g.
-    lower, upper : array-like of shape (k,)
-    near : array-like of shape (k,), optional
-        Where a similar problem has its minimum: what lies at a bound there is put there first.
-
-    Returns
-    -------
-    ndarray of shape (k,)
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        If A is not positive definite, or A or g are not finite.
-
-    Examples
-    --------
-    >>> bounded_minimum([[2.0, 0.0], [0.0, 1.0]], [-2.0, -3.0], [-1.0, -1.0], [5.0, 2.0])
-    array([1., 2.])
-    """
-    A, g = np.asarray(matrix, dtype=float), np.asarray(slope, dtype=float)
-    low, high = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
-    at = np.full(len(g), np.nan) if near is None else np.asarray(near, dtype=float)
-    side = (at >= high).astype(int) - (at <= low)  # -1 at the lower bound, 1 at the upper one, 0 free
-    for _ in range(_GUESSES):
-        free = side == 0
-        d = np.where(side < 0, low, np.where(free, 0.0, high))
-        if free.any():
-            # straight to LAPACK: these systems are so small that checking them takes longer than solving them
-            _, d[free], info = dposv(A[free][:, free], -(g + A @ d)[free])
-            if info or not np.isfinite(d).all():
-                raise np.linalg.LinAlgError("the matrix is not positive definite, or something is not finite")
-        pull = g + A @ d
-        new = np.where(free, (d > high).astype(int) - (d < low), np.where(side * pull < 0, side, 0))
-        if np.array_equal(new, side):
-            return d
-        side = new
-    C = cholesky(A)
-    d = lsq_linear(C, -solve_triangular(C, g, trans="T"), bounds=(low, high), method="bvls").x
-    return np.clip(d, low, high)

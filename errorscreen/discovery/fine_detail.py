@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.calibration.search import bounded_minimum
+from errorscreen.calibration.quadratic import bounded_minimum
 from errorscreen.discovery.hypotheses import PRIOR, Hypothesis, linearised
 from errorscreen.discovery.noise import inflation_of
 from errorscreen.effects.latent_input import KNOTS, PULSE

@@ -109,8 +109,8 @@ class Growth:
             self._fit = JointFit(self.effects, part, starts, central=False).keep(kept_).run(iterations)
             self.reached, self.objective = self._fit.reached, self._fit.objective
             self._number += 1
-            self.step = good_enough(self.problem.until(share), self.reached[0], self.step)
-            self._rough = self.problem.with_step(self.step)
+            if self.step and not good_enough(self.problem.until(share), self.reached[0], self.step):
+                self.step, self._rough = None, self.problem
         return self
 
     def _scattered(self, fit: JointFit, part: FitProblem) -> _Array:

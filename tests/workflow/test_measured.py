@@ -43,6 +43,20 @@ def test_the_droop_of_an_inverter_in_volt_var_mode_is_named_and_both_steps_tell_
 
 
 @pytest.mark.slow
+def test_the_droop_is_named_by_one_step_too_which_leaves_the_dead_band_open():
+    """Of the step up it removes more or less, as chance has it: `confirm` tells that; it is no check of the search."""
+    study = study_of("volt_var")
+    finder = CauseFinder(study.simulator, random_state=study.run.random_state).fit(study.observation)
+    assert finder.causes_[0].name == "volt_var"
+    assert not finder.causes_[0].exact
+    parameters = finder.causes_[0].parameters
+    assert 0.2 < parameters["volt_var.R"][0] < 0.33
+    # what both steps tell is in the intervals
+    for name, value in (("db", 0.0155), ("Vc", 0.016)):
+        assert parameters[f"volt_var.{name}"][1] < value < parameters[f"volt_var.{name}"][2]
+
+
+@pytest.mark.slow
 def test_the_trip_of_an_inverter_and_its_return_are_named():
     study = study_of("ride_through")
     names = ["trip", "cessation", "priority", "volt_var", "lag_active"]
