@@ -10,7 +10,17 @@ from typing import Any
 
 
 class ErrorscreenError(Exception):
-    """Base class of every error that errorscreen raises on purpose."""
+    """Base class of every error that errorscreen raises on purpose; it passes from one process to another."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # exceptions are usually rebuilt from their text, which is not what the constructors here take
+        return _restored, (type(self), self.args, self.__dict__)
+
+
+def _restored(kind: type[ErrorscreenError], args: tuple[Any, ...], state: dict[str, Any]) -> ErrorscreenError:
+    error = kind.__new__(kind, *args)
+    error.__dict__.update(state)
+    return error
 
 
 class InputError(ErrorscreenError, ValueError):

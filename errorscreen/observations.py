@@ -116,7 +116,9 @@ class Observation:
         return U, 1.0 - 1.0 / np.sqrt(1.0 + S**2)
 
     def first(self, samples: int) -> Observation:
-        """Return what was observed at the first instants of the time axis only.
+        """Return what was observed at the first instants of the time axis only, each time the same object.
+
+        A search fits many models to the same parts, and what is prepared for one of them is then there for all.
 
         Parameters
         ----------
@@ -130,14 +132,20 @@ class Observation:
         >>> seen.first(3).values
         array([[0. , 0.1, 0.3]])
         """
-        return replace(
-            self,
-            event=self.event.first(samples),
-            values=self.values[:, :samples],
-            extra=None if self.extra is None else self.extra[:, :samples],
-            modes=None if self.modes is None else np.asarray(self.modes)[..., :samples],
-            passed=None,  # that of the whole
-        )
+        if samples not in self._first:
+            self._first[samples] = replace(
+                self,
+                event=self.event.first(samples),
+                values=self.values[:, :samples],
+                extra=None if self.extra is None else self.extra[:, :samples],
+                modes=None if self.modes is None else np.asarray(self.modes)[..., :samples],
+                passed=None,  # that of the whole
+            )
+        return self._first[samples]
+
+    @cached_property
+    def _first(self) -> dict[int, Observation]:
+        return {}
 
     @property
     def time(self) -> NDArray[np.float64]:

@@ -49,7 +49,7 @@ def skewed(values: _Array, h: float, d: _Array) -> _Array:
     return np.asarray(_skewed(values, h, d))
 
 
-@numba.njit(nogil=True, error_model="numpy")
+@numba.njit(nogil=True, cache=True, error_model="numpy")
 def _skewed(values: _Array, h: float, d: _Array) -> _Array:
     n, length = values.shape
     out = np.empty((n, length))
@@ -68,7 +68,7 @@ def lagged(values: _Array, h: float, T: _Array) -> _Array:
     return np.asarray(_lagged(values, h, T))
 
 
-@numba.njit(nogil=True, error_model="numpy")
+@numba.njit(nogil=True, cache=True, error_model="numpy")
 def _lagged(values: _Array, h: float, T: _Array) -> _Array:
     n, length = values.shape
     out = values.copy()
