@@ -1,4 +1,5 @@
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -257,3 +258,22 @@ def test_a_gap_does_not_spread_and_a_failed_row_stays_nan():
     z = seen.deviations(np.stack([np.ones((1, 10)), np.full((1, 10), np.nan)]))
     assert np.array_equal(np.isnan(z[0, 0]), np.arange(10) == 7)
     assert np.isnan(z[1]).all()
+
+
+def test_parts_are_cut_once_and_later_ones_are_others():
+    seen = Observation(
+        Event(np.arange(10.0), start=3.0),
+        np.arange(10.0)[None],
+        np.ones(1),
+        ("P",),
+        ("",),
+        level_std=np.ones(1),
+    )
+    part = seen.first(6)
+    assert seen.first(6) is part
+    assert seen.first(7) is not part
+    assert part.values.shape == (1, 6)
+    # what is changed later has parts of its own
+    noisy = replace(seen, noise=np.full(1, 2.0)).first(6)
+    assert np.array_equal(noisy.noise, [2.0])
+    assert not np.allclose(noisy.deviations(np.zeros((1, 6))), part.deviations(np.zeros((1, 6))))

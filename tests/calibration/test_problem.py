@@ -124,12 +124,6 @@ def test_a_part_of_the_recordings_is_what_it_is_in_the_whole(share):
         np.testing.assert_allclose(early, all_of_it[..., : early.shape[-1]], atol=1e-9)
 
 
-def test_problems_share_the_parts_of_their_recordings():
-    seen = [SIMULATOR.observe(one) for one in recordings()]
-    parts = [FitProblem(SIMULATOR, seen).until(0.5).observations for _ in range(2)]
-    assert all(one is other for one, other in zip(*parts, strict=True))
-
-
 def test_simulations_of_a_part_and_with_another_step_count_in_the_whole():
     whole = FitProblem(SIMULATOR, recordings())
     part = whole.until(0.5).with_step(0.1)
