@@ -31,6 +31,8 @@ _KEPT = ("objective", "shares", "steps")
 ROUNDS = 1 + len(SPREADS)
 #: draws of an effect with a single parameter; with d parameters so many times d squared, up to what is asked for
 _DRAWS_PER_SQUARE = 12
+#: strength at which the linear model is asked for that of an effect, as a share of its range
+_PROBED = 1e-6
 #: a parameter whose bounds have at least this ratio is drawn in the logarithm
 WIDE = 10.0
 
@@ -47,7 +49,9 @@ class SignatureSearch:
 
     is what the joint fit can be expected to reach (Golub and Pereyra, Inverse Problems 19, 2003). Rounds of draws
     around the best so far follow the first, over ever smaller parts of the ranges, because some effects have many local
-    minima (the frequency and phase of an oscillation).
+    minima (the frequency and phase of an oscillation). Of an effect with nothing but a strength, the linear model also
+    tells the strength, from 0 on: what is small against its range, such as a clock that is microseconds late, would
+    hardly be drawn.
 
     Parameters
     ----------
@@ -107,6 +111,8 @@ class SignatureSearch:
         while self._round < rounds:
             for (u, J), best in zip(self._points, self._best, strict=True):
                 shares = self._drawn(best)
+                if self._round == 0 and shares.shape[1] == 1 and not self.effect.smallest:
+                    shares = np.vstack([shares, self._estimated(u, J)])
                 draws = spread_over(self.problem.space, self._k, shares, [self.effect])
                 rows = np.hstack([np.tile(u, (len(draws), 1)), draws])
                 objective, steps = projected(self._rough, rows, J, np.arange(self._k))
@@ -125,6 +131,25 @@ class SignatureSearch:
         parents = np.array([x for _, x, _ in best])[self._rng.integers(len(best), size=self._n_draws)]
         spread = SPREADS[self._round - 1]
         return np.asarray(np.clip(parents + spread * self._rng.standard_normal(parents.shape), 0.0, 1.0))
+
+    def _estimated(self, u: _Array, J: _Array) -> _Array:
+        """Shares (n, 1) of the range of a strength that the linear model tells on each side of 0, if any."""
+        space, own = self.problem.space, self._k
+        lower, upper = space.bounds[own]
+        ends = np.array([end for end in (lower, upper) if end != 0.0])
+        rows = np.tile(np.append(u, 0.0), (1 + len(ends), 1))
+        rows[:, own] = (np.append(0.0, _PROBED * ends) - space.nominal[own]) / space.scales[own]
+        off, *on = self._rough.residuals(self._rough.values(rows))
+        found = []
+        for end, row, z in zip(ends, rows[1:], on, strict=True):
+            slope = (z - off) / (row[own] - rows[0, own])
+            if np.isfinite(slope).all():
+                A = np.column_stack([J, slope])
+                step = _minimum(A, A.T @ off + rows[0] / PRIOR**2)[own]
+                share = step * space.scales[own] / end
+                if share > _PROBED:
+                    found.append([(min(share, 1.0) * end - lower) / (upper - lower)])
+        return np.reshape(found, (-1, 1))
 
     def starts(self, n_matches: int = 0) -> _Array:
         """Where joint fits should begin, for an effect whose objective is finite.
@@ -230,10 +255,15 @@ def projected(
     failed = np.isnan(z).any(axis=1)
     z[failed] = 0.0
     g = z @ J + rows[:, columns] / PRIOR**2
-    steps = -cho_solve(cho_factor(J.T @ J + np.eye(len(columns)) / PRIOR**2), g.T).T
+    steps = _minimum(J, g.T).T
     objective = (z**2).sum(axis=1) + ((rows / PRIOR) ** 2).sum(axis=1) + (g * steps).sum(axis=1)
     objective[failed] = np.inf
     return objective, steps
+
+
+def _minimum(J: _Array, slope: _Array) -> _Array:
+    """Step (k,) or steps (k, n) to the minimum of (D2), for half the gradient of its objective."""
+    return np.asarray(-cho_solve(cho_factor(J.T @ J + np.eye(J.shape[1]) / PRIOR**2), slope))
 
 
 def spread_over(space: ParameterSpace, first: int, shares: _Array, effects: Sequence[Effect] = ()) -> _Array:
