@@ -46,6 +46,7 @@ MEASURED = {
     "discovery_noise": "python benchmarks/discovery_noise.py OUT plant",
     "discovery_noise_ieee39": "python benchmarks/discovery_noise.py OUT ieee39",
     "discovery_curves": "python benchmarks/discovery_curves.py OUT plant",
+    "discovery_curves_ieee39": "python benchmarks/discovery_curves.py OUT ieee39",
     "places_plant": "python benchmarks/places.py OUT plant",
     "places_ieee39": "python benchmarks/places.py OUT ieee39",
     "first_look": "python benchmarks/first_look.py",
