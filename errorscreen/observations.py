@@ -133,7 +133,7 @@ class Observation:
         array([[0. , 0.1, 0.3]])
         """
         if samples not in self._first:
-            self._first[samples] = replace(
+            part = replace(
                 self,
                 event=self.event.first(samples),
                 values=self.values[:, :samples],
@@ -141,6 +141,7 @@ class Observation:
                 modes=None if self.modes is None else np.asarray(self.modes)[..., :samples],
                 passed=None,  # that of the whole
             )
+            self._first.setdefault(samples, part)  # another thread may have been first
         return self._first[samples]
 
     @cached_property

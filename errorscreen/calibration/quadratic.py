@@ -8,6 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import lsq_linear
 
+from errorscreen.exceptions import InputError
+
 #: guesses of what lies at a bound, before an algorithm that cannot cycle takes over
 _GUESSES = 30
 #: how guessing ended
@@ -45,6 +47,8 @@ def bounded_minimum(
     ------
     numpy.linalg.LinAlgError
         If A is not positive definite, or A or g are not finite.
+    InputError
+        If shapes do not fit: compiled code looks for no end of an array.
 
     Examples
     --------
@@ -55,6 +59,8 @@ def bounded_minimum(
     low, high = np.ascontiguousarray(lower, dtype=float), np.ascontiguousarray(upper, dtype=float)
     at = np.full(len(g), np.nan) if near is None else np.asarray(near, dtype=float)
     side = (at >= high).astype(np.int64) - (at <= low)
+    if not (g.shape == low.shape == high.shape == side.shape and A.shape == 2 * g.shape):
+        raise InputError(f"the matrix has shape {A.shape}", allowed="(k, k), and vectors of k numbers")
     d = np.empty(len(g))
     end = _active_set(A, g, low, high, side, d, _GUESSES)
     if end == _INDEFINITE:

@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 
 from errorscreen.calibration import quadratic as module
 from errorscreen.calibration.quadratic import bounded_minimum
+from errorscreen.exceptions import InputError
 
 
 @given(
@@ -43,3 +44,9 @@ def test_the_minimum_inside_bounds_meets_the_optimality_conditions(seed, k, damp
 def test_a_matrix_that_is_not_positive_definite_or_finite_has_no_minimum(matrix, slope):
     with pytest.raises(np.linalg.LinAlgError):
         bounded_minimum(matrix, slope, [-1.0, -1.0], [1.0, 1.0])
+
+
+@pytest.mark.parametrize(("k", "slope", "upper"), [(3, 2, 2), (2, 3, 3), (2, 2, 1), (2, 2, 3)])
+def test_shapes_that_do_not_fit_are_refused(k, slope, upper):
+    with pytest.raises(InputError, match="shape"):
+        bounded_minimum(np.eye(k), np.ones(slope), -np.ones(slope), np.ones(upper))
