@@ -58,9 +58,9 @@ def bounded_minimum(
     A, g = np.ascontiguousarray(matrix, dtype=float), np.ascontiguousarray(slope, dtype=float)
     low, high = np.ascontiguousarray(lower, dtype=float), np.ascontiguousarray(upper, dtype=float)
     at = np.full(len(g), np.nan) if near is None else np.asarray(near, dtype=float)
-    side = (at >= high).astype(np.int64) - (at <= low)
-    if not (g.shape == low.shape == high.shape == side.shape and A.shape == 2 * g.shape):
+    if not (g.shape == low.shape == high.shape == at.shape and A.shape == 2 * g.shape):
         raise InputError(f"the matrix has shape {A.shape}", allowed="(k, k), and vectors of k numbers")
+    side = (at >= high).astype(np.int64) - (at <= low)
     d = np.empty(len(g))
     end = _active_set(A, g, low, high, side, d, _GUESSES)
     if end == _INDEFINITE:
