@@ -120,8 +120,7 @@ class Network:
         InputError
             If there is none, or several and no circuit is given.
         """
-        self.index(bus), self.index(other)
-        found = [b for b in self.branches if set(b.ends) == {bus, other}]
+        found = list(self.branches_between(bus, other))
         circuits = ", ".join(b.circuit for b in found)
         if circuit is not None:
             found = [b for b in found if b.circuit == circuit]
@@ -136,6 +135,11 @@ class Network:
             )
         return found[0]
 
+    def branches_between(self, bus: int, other: int) -> tuple[Branch, ...]:
+        """All branches between two buses, also those out of service; an unknown bus raises `InputError`."""
+        self.index(bus), self.index(other)
+        return tuple(self.branches[k] for k in self._positions.get(frozenset((bus, other)), ()))
+
     def with_line_out(self, bus: int, other: int, circuit: str | None = None) -> Network:
         """Open the branch between two buses at both ends; an island that this leaves is an `InputError`."""
         out = self.branch(bus, other, circuit)
@@ -149,7 +153,12 @@ class Network:
             return self.with_line_out(bus, other, circuit)
         part = self.branch(bus, other, circuit)
         less = replace(part, r=part.r / share, x=part.x / share, b=part.b * share)
-        return self._changed(branches=tuple(less if b is part else b for b in self.branches))
+        at = next(k for k in self._positions[frozenset(part.ends)] if self.branches[k] is part)
+        ends = self.indices(part.ends)
+        change = np.subtract(less.admittances, part.admittances).reshape(2, 2)
+        return self._changed(
+            (np.ix_(ends, ends), change), branches=(*self.branches[:at], less, *self.branches[at + 1 :])
+        )
 
     def with_fault(self, bus: int, impedance: complex = 0.0) -> Network:
         """Connect a bus to ground through a symmetrical fault impedance in pu; 0 is a bolted fault, held exactly."""
@@ -158,18 +167,26 @@ class Network:
             raise InputError(f"the fault impedance is {impedance!r}", allowed="a finite number in pu")
         if impedance == 0:
             return self._changed(grounded=self.grounded | {bus})
-        y = 1 / complex(impedance)
-        faulted = self._changed(shunts=(*self.shunts, Shunt(bus, y.real, y.imag)))
-        # a search tries thousands of impedances: the rest of the matrix stays
-        Y = self._branches_and_shunts.copy()
-        Y[self._index[bus], self._index[bus]] += y
-        faulted.__dict__["_branches_and_shunts"] = Y
-        return faulted
+        y, at = 1 / complex(impedance), self._index[bus]
+        return self._changed(((at, at), y), shunts=(*self.shunts, Shunt(bus, y.real, y.imag)))
 
-    def _changed(self, **elements: Any) -> Network:
-        """Grid with other elements at the same buses and the same connections, which need not be checked again."""
+    def _changed(self, change: tuple[Any, Any] | None = None, **elements: Any) -> Network:
+        """Grid with other elements at the same buses and the same connections, which need not be checked again.
+
+        Parameters
+        ----------
+        change : (index, array), optional
+            What the elements add to which entries of the admittance matrix: a search tries thousands of fault
+            impedances, and the rest of the matrix stays.
+        **elements
+            Branches, shunts or buses with a bolted fault; not loads.
+        """
         other = copy.copy(self)
-        other.__dict__.pop("_branches_and_shunts", None)
+        if change is not None:
+            where, value = change
+            Y = self._branches_and_shunts.copy()
+            Y[where] += value
+            other.__dict__["_branches_and_shunts"] = Y
         other.__dict__.update(elements)
         return other
 
@@ -218,6 +235,10 @@ class Network:
 
     def demand(self) -> NDArray[np.complex128]:
         """Power P + jQ drawn by the loads at each bus in pu, shape (n_buses,)."""
+        return self._demand.copy()
+
+    @cached_property
+    def _demand(self) -> NDArray[np.complex128]:
         demand = np.zeros(len(self.buses), dtype=complex)
         for load in self.loads:
             demand[self._index[load.bus]] += complex(load.p, load.q)
@@ -260,8 +281,16 @@ class Network:
         Y = self._branches_and_shunts.copy()
         if load_voltages is not None:
             V = self.voltages(load_voltages, "load_voltages")
-            Y[np.diag_indices_from(Y)] += self.demand().conj() / np.abs(V) ** 2  # (N2)
+            Y[np.diag_indices_from(Y)] += self._demand.conj() / np.abs(V) ** 2  # (N2)
         return Y
+
+    @cached_property
+    def _positions(self) -> Mapping[frozenset[int], list[int]]:
+        """Where in `branches` those between two buses are."""
+        positions: dict[frozenset[int], list[int]] = {}
+        for k, branch in enumerate(self.branches):
+            positions.setdefault(frozenset(branch.ends), []).append(k)
+        return positions
 
     @cached_property
     def _branches_and_shunts(self) -> NDArray[np.complex128]:

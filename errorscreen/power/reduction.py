@@ -17,22 +17,27 @@ without currents is Kron's reduction (Sauer, Pai, Chow, *Power System Dynamics a
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg.lapack import zgecon, zgetrf, zgetrs
 
 from errorscreen.exceptions import InputError
+from errorscreen.power.elements import Branch
 from errorscreen.power.network import Network, listed
+
+#: condition number from which on a state is reduced anew
+_ILL_CONDITIONED = 1e6
 
 
 @dataclass(frozen=True)
 class ReducedNetwork:
     """Linear maps from injected currents to what a simulation needs, for one state of the grid.
 
-    Currents have the shape (..., T), for T terminals.
+    Currents have the shape (..., T), for T terminals. For several states, all arrays have one more axis, the first.
 
     Parameters
     ----------
@@ -63,7 +68,8 @@ class ReducedNetwork:
     def arriving_power(self, currents: ArrayLike) -> NDArray[np.complex128]:
         """Power P + jQ that arrives at the receiving bus of each observed branch, shape (..., F)."""
         currents = np.asarray(currents)
-        return (currents @ self.flow_voltages.T) * (currents @ self.flow_currents.T).conj()
+        voltages, arriving = self.flow_voltages.swapaxes(-1, -2), self.flow_currents.swapaxes(-1, -2)
+        return (currents @ voltages) * (currents @ arriving).conj()
 
 
 def reduce_network(
@@ -116,27 +122,176 @@ def reduce_network(
     >>> during.impedance.round(12), during.transfer
     (array([[0.+0.1j]]), array([[0.+0.j]]))
     """
-    terminals, observed, flows = (
-        tuple(listed(terminals)),
-        tuple(listed(observed)),
-        tuple((a, b) for a, b in flows),
-    )
-    Y = network.admittance(network.voltages(load_voltages, "load_voltages"))
-    for bus, y in (admittances or {}).items():
-        i = network.index(bus, where="admittances")
-        Y[i, i] += y
-    t = network.indices(terminals)
-    V = _unit_responses(Y, t, network.indices(sorted(network.grounded)))
-    receiving = network.indices(to for _, to in flows)
-    return ReducedNetwork(
+    return Reducer(
+        network,
         terminals,
-        observed,
-        flows,
-        V[t],
-        V[network.indices(observed)],
-        np.array([_arriving(network, V, *ends) for ends in flows], dtype=complex).reshape(-1, len(t)),
-        V[receiving],
-    )
+        load_voltages=load_voltages,
+        observed=observed,
+        flows=flows,
+        admittances=admittances,
+    ).anew(network)
+
+
+class Reducer:
+    r"""Eliminates the same buses in many states of one grid.
+
+    States differ little: a fault, a branch or a load changes a few entries D of the admittance matrix, in the rows and
+    columns of the buses s. From the inverse Z of the matrix before, the voltages for unit currents at the terminals are
+
+    .. math:: V' = V - Z_{:s} (1 + D Z_{ss})^{-1} D V_s                                                  & (R3)
+
+    (Woodbury's identity; Hager, *Updating the Inverse of a Matrix*, SIAM Review, 1989), and likewise for a bolted
+    fault, whose voltage is zero. States in which a quarter of the buses changes, or where this is ill-conditioned, are
+    reduced anew.
+
+    Parameters
+    ----------
+    network : Network
+        The state that others are near to.
+    terminals, load_voltages, observed, flows, admittances
+        See `reduce_network`.
+
+    Raises
+    ------
+    InputError
+        As `reduce_network` does.
+
+    Examples
+    --------
+    >>> from errorscreen.power.elements import Branch, Bus, Load
+    >>> grid = Network((Bus(1), Bus(2)), (Branch(1, 2, 0.0, 0.1),), slack=1, loads=(Load(2, 1.0),))
+    >>> reducer = Reducer(grid, [1], load_voltages=[1.0, 1.0])
+    >>> reducer([grid, grid.with_fault(2, 0.1j)]).impedance.round(4)
+    array([[[1.    +0.1j  ]],
+    <BLANKLINE>
+           [[0.0099+0.199j]]])
+    """
+
+    def __init__(
+        self,
+        network: Network,
+        terminals: Iterable[int],
+        *,
+        load_voltages: ArrayLike,
+        observed: Iterable[int] = (),
+        flows: Iterable[tuple[int, int]] = (),
+        admittances: Mapping[int, complex] | None = None,
+    ) -> None:
+        self.network = network
+        self.terminals, self.observed = tuple(listed(terminals)), tuple(listed(observed))
+        self.flows = tuple((a, b) for a, b in flows)
+        self._load_voltages = network.voltages(load_voltages, "load_voltages")
+        self._units = np.zeros((len(network.buses),) * 2, dtype=complex)
+        for bus, y in (admittances or {}).items():
+            i = network.index(bus, where="admittances")
+            self._units[i, i] += y
+        self._at = network.indices(self.terminals)
+        self._seen = network.indices(self.observed)
+        self._sending = network.indices(a for a, _ in self.flows)
+        self._receiving = network.indices(b for _, b in self.flows)
+        for sending, receiving in self.flows:
+            if not network.branches_between(sending, receiving):
+                raise InputError(f"no branch connects the buses {sending} and {receiving}", where="flows")
+
+    def __call__(self, networks: Sequence[Network]) -> ReducedNetwork:
+        """Reduce several states of the grid from that before, by (R3) where little differs.
+
+        Parameters
+        ----------
+        networks : sequence of Network
+            With the same buses.
+
+        Returns
+        -------
+        ReducedNetwork
+            Its arrays have one more axis, the first, for the states; NaN for one without a unique solution.
+        """
+        before, Z = self._before
+        V = np.zeros((len(networks), len(before), len(self._at)), dtype=complex)
+        alike: dict[tuple[bytes, frozenset[int]], list[int]] = {}
+        D = np.array([network.admittance(self._load_voltages) for network in networks]) + self._units - before
+        changed = D.any(axis=1) | D.any(axis=2)
+        for k, network in enumerate(networks):
+            alike.setdefault((changed[k].tobytes(), network.grounded), []).append(k)
+        for rows in alike.values():
+            s, grounded = np.flatnonzero(changed[rows[0]]), self._grounded(networks[rows[0]])
+            V[rows], well = self._updated(Z, D[np.ix_(rows, s, s)], s, grounded)
+            for k in np.array(rows)[~well]:
+                try:
+                    V[k] = self._solved(networks[k])
+                except InputError:
+                    V[k] = np.nan
+        return self._reduced(networks, V)
+
+    def anew(self, network: Network) -> ReducedNetwork:
+        """Reduce one state of the grid without that before."""
+        found = self._reduced([network], self._solved(network)[None])
+        arrays = (found.impedance, found.transfer, found.flow_currents, found.flow_voltages)
+        return ReducedNetwork(self.terminals, self.observed, self.flows, *(values[0] for values in arrays))
+
+    def _grounded(self, network: Network) -> NDArray[np.int64]:
+        return network.indices(sorted(network.grounded))
+
+    def _solved(self, network: Network) -> NDArray[np.complex128]:
+        """Voltages of all buses for 1 pu at each terminal in turn, from the whole matrix."""
+        Y = network.admittance(self._load_voltages) + self._units
+        return _unit_responses(Y, self._at, self._grounded(network))
+
+    @cached_property
+    def _before(self) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Admittance matrix of the grid before, without its bolted faults, and its inverse."""
+        Y = self.network.admittance(self._load_voltages) + self._units
+        return Y, _solve(Y, np.eye(len(Y), dtype=complex))
+
+    def _updated(
+        self,
+        Z: NDArray[np.complex128],
+        D: NDArray[np.complex128],
+        s: NDArray[np.int64],
+        grounded: NDArray[np.int64],
+    ) -> tuple[NDArray[np.complex128], NDArray[np.bool_]]:
+        """Voltages of all buses in states that change the same buses, by (R3), and where they are accurate."""
+        n, T = len(D), len(self._at)
+        if 4 * (len(s) + len(grounded)) > len(Z):
+            return np.zeros((n, len(Z), T), dtype=complex), np.zeros(n, dtype=bool)
+        V, well = np.repeat(Z[None, :, np.concatenate([self._at, grounded])], n, axis=0), np.ones(n, dtype=bool)
+        if len(s):
+            left, V_s = np.eye(len(s)) + D @ Z[np.ix_(s, s)], V[:, s]
+            well &= np.linalg.cond(left, 1) < _ILL_CONDITIONED
+            left[~well] = np.eye(len(s))
+            V -= Z[:, s] @ np.linalg.solve(left, D @ V_s)
+        if len(grounded):
+            # a bolted fault has whatever current keeps its voltage at zero
+            own, left = V[..., T:], V[:, grounded, T:]
+            well &= np.linalg.cond(left, 1) < _ILL_CONDITIONED
+            left[~well] = np.eye(len(grounded))
+            V = V[..., :T] - own @ np.linalg.solve(left, V[:, grounded, :T])
+            V[:, grounded] = 0
+        return V, well
+
+    def _reduced(self, networks: Sequence[Network], V: NDArray[np.complex128]) -> ReducedNetwork:
+        """What is asked for, from the voltages of all buses for 1 pu at each terminal in turn."""
+        arriving = np.zeros((len(networks), len(self.flows), len(self._at)), dtype=complex)
+        for f, ends in enumerate(self.flows):
+            seen: dict[tuple[Branch, ...], tuple[complex, complex]] = {}
+            i, k = self._sending[f], self._receiving[f]
+            values = []
+            for network in networks:
+                branches = network.branches_between(*ends)
+                if branches not in seen:
+                    seen[branches] = _into(branches, *ends)
+                values.append(seen[branches])
+            passing, own = np.array(values).T[..., None]
+            arriving[:, f] = -(passing * V[:, i] + own * V[:, k])
+        return ReducedNetwork(
+            self.terminals,
+            self.observed,
+            self.flows,
+            V[:, self._at],
+            V[:, self._seen],
+            arriving,
+            V[:, self._receiving],
+        )
 
 
 def kron_reduction(Y: ArrayLike, keep: Iterable[int]) -> NDArray[np.complex128]:
@@ -189,22 +344,14 @@ def _unit_responses(
     return V
 
 
-def _arriving(
-    network: Network, V: NDArray[np.complex128], sending: int, receiving: int
-) -> NDArray[np.complex128]:
-    """Current that all branches from one bus bring to another, as a row over the terminals."""
-    i, k = network.index(sending, where="flows"), network.index(receiving, where="flows")
-    found = [branch for branch in network.branches if set(branch.ends) == {sending, receiving}]
-    if not found:
-        raise InputError(f"no branch connects the buses {sending} and {receiving}", where="flows")
-    current = np.zeros(V.shape[1], dtype=complex)
-    for branch in found:
+def _into(branches: Iterable[Branch], sending: int, receiving: int) -> tuple[complex, complex]:
+    """Admittances between two buses, and at the receiving one, of all branches between them."""
+    passing, own = 0j, 0j
+    for branch in branches:
         y11, y12, y21, y22 = branch.admittances
-        if branch.to_bus == receiving:
-            current -= y21 * V[i] + y22 * V[k]
-        else:
-            current -= y12 * V[i] + y11 * V[k]
-    return current
+        forward = branch.to_bus == receiving
+        passing, own = passing + (y21 if forward else y12), own + (y22 if forward else y11)
+    return passing, own
 
 
 def _solve(Y: NDArray[np.complex128], right: NDArray[np.complex128]) -> NDArray[np.complex128]:

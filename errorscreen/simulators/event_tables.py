@@ -16,6 +16,8 @@ from errorscreen.power.network import Network
 
 #: states of the grid that are remembered while the courses of an event are made
 _REMEMBERED = 4
+#: share of a step by which an instant may miss it
+_NEARLY = 1e-6
 
 
 def what_happened(
@@ -47,32 +49,22 @@ def what_happened(
 def tables_in_time(
     event: GridEvent,
     network: Network,
-    before: NDArray[np.float64],
-    table: Callable[[Network], NDArray[np.float64]],
+    tables: Callable[[Sequence[Network]], NDArray[np.float64]],
     h: float,
     steps: int,
-    *,
-    exact: bool,
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Tables of each state of the grid, that before the event first, and which holds in each step.
-
-    Where instants need not be exact, the step in which the grid changes has the mean of both tables, weighted by
-    time: an instant that is estimated must act smoothly.
+    """Tables of each state of the grid on record, that before the event first, and which holds in each step.
 
     Parameters
     ----------
     event : GridEvent
     network : Network
         Before the event.
-    before : ndarray of shape (n_tables,)
-        Its table.
-    table : callable
-        Table of one state of the grid.
+    tables : callable
+        Tables of states of the grid, shape (n_states, n_tables).
     h : float
         Step in seconds.
     steps : int
-    exact : bool
-        Whether each change must fall on a step.
 
     Returns
     -------
@@ -83,38 +75,28 @@ def tables_in_time(
     Raises
     ------
     InputError
-        If an instant that must be exact is no multiple of the step.
+        If an instant at which the grid changes is no multiple of the step, or the grid has no unique solution then.
     """
-    segment = np.zeros(steps + 1, dtype=np.int64)
-    tables = [before]
-    for instant, changed in event.changes(network):
+    changes = event.changes(network)
+    values = tables([network, *(changed for _, changed in changes)])
+    for (instant, _), after in zip(changes, values[1:], strict=True):
         position = (instant - event.time[0]) / h
-        first = round(position)
-        if exact and abs(first - position) > 1e-6:
+        if abs(round(position) - position) > _NEARLY:
             raise InputError(
                 f"the grid changes at {instant:g} s",
                 where=event.name,
                 allowed=f"multiples of {h:g} s after {event.time[0]:g} s",
                 remedy="Move the instant, or choose another step",
             )
-        last = tables[-1]
-        after = before if changed is network else table(changed)
-        if abs(first - position) > 1e-6:
-            first = int(np.floor(position))
-            share = position - first
-            if 0 <= first <= steps:
-                segment[first] = len(tables)
-            tables.append(share * last + (1 - share) * after)
-            first += 1
-        segment[max(first, 0) :] = len(tables)
-        tables.append(after)
-    return np.array(tables), segment
+        if not np.isfinite(after).all():
+            raise InputError(f"the grid has no unique solution after {instant:g} s", where=event.name)
+    return _placed(event, [instant for instant, _ in changes], values, h, steps)
 
 
 def courses(
     happened: Iterable[tuple[NDArray[np.bool_], GridEvent]],
     network: Network,
-    table: Callable[[Network], NDArray[np.float64]],
+    tables: Callable[[Sequence[Network]], NDArray[np.float64]],
     before: NDArray[np.float64],
     instants: int,
     n: int,
@@ -122,12 +104,17 @@ def courses(
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.bool_]]:
     """Tables in the course of what happened in each of n simulations.
 
+    Instants need not fall on a step: the step in which the grid changes has the mean of both tables, weighted by time,
+    because an instant that is estimated must act smoothly.
+
     Parameters
     ----------
     happened : iterable of (ndarray of shape (n,), GridEvent)
         See `what_happened`.
-    network, table, before, h
+    network, tables, h
         See `tables_in_time`.
+    before : ndarray of shape (n_tables,)
+        Table of the grid before the event.
     instants : int
         Steps, and one more.
     n : int
@@ -141,27 +128,61 @@ def courses(
     possible : ndarray of shape (n,), bool
         Two branches opened can leave an island.
     """
-    known: list[tuple[Network, NDArray[np.float64]]] = []
-
-    def remembered(wanted: Network) -> NDArray[np.float64]:
-        """Table of a grid; a fault that only lasts longer leads to the same grids again."""
-        found = next((values for grid, values in known if grid == wanted), None)
-        if found is None:
-            found = table(wanted)
-            known.insert(0, (wanted, found))
-            del known[_REMEMBERED:]
-        return found
-
-    tables, segments, possible = [before], np.zeros((n, instants), dtype=np.int64), np.ones(n, dtype=bool)
+    # all states are reduced at once; a fault that only lasts longer leads to the same ones again
+    states, plans, possible = [network], [], np.ones(n, dtype=bool)
     for rows, event in happened:
         try:
-            own, segment = tables_in_time(event, network, before, remembered, h, instants - 1, exact=False)
+            changes = event.changes(network)
         except InputError:
             possible[rows] = False
             continue
-        segments[rows] = np.where(segment > 0, segment + len(tables) - 1, 0)
-        tables += [*own[1:]]
-    return np.array(tables), segments, possible
+        numbers = []
+        for _, changed in changes:
+            recent = range(len(states) - 1, max(0, len(states) - 1 - _REMEMBERED), -1)
+            number = next((k for k in (0, *recent) if states[k] == changed), len(states))
+            states += [changed] if number == len(states) else []
+            numbers.append(number)
+        plans.append((rows, event, [instant for instant, _ in changes], numbers))
+    values = np.concatenate([before[None], tables(states[1:])]) if len(states) > 1 else before[None]
+    out, segments, count = [before[None]], np.zeros((n, instants), dtype=np.int64), 1
+    for rows, event, times, numbers in plans:
+        own, segment = _placed(event, times, values[[0, *numbers]], h, instants - 1)
+        possible[rows] = np.isfinite(own).all()
+        segments[rows] = np.where(segment > 0, segment + count - 1, 0)
+        out.append(own[1:])
+        count += len(own) - 1
+    return np.concatenate(out), segments, possible
+
+
+def _placed(
+    event: GridEvent, times: Sequence[float], values: NDArray[np.float64], h: float, steps: int
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Tables with those of steps within which the grid changes, and which of them holds in each step.
+
+    Parameters
+    ----------
+    event : GridEvent
+    times : sequence of float
+        Instants at which the grid changes.
+    values : ndarray of shape (n_times + 1, n_tables)
+        Tables before, and from each instant on.
+    h, steps
+        See `tables_in_time`.
+    """
+    segment, tables = np.zeros(steps + 1, dtype=np.int64), [values[0]]
+    for instant, after in zip(times, values[1:], strict=True):
+        position = (instant - event.time[0]) / h
+        first = round(position)
+        if abs(first - position) > _NEARLY:
+            first = int(np.floor(position))
+            share = position - first
+            if 0 <= first <= steps:
+                segment[first] = len(tables)
+            tables.append(share * tables[-1] + (1 - share) * after)
+            first += 1
+        segment[max(first, 0) :] = len(tables)
+        tables.append(after)
+    return np.array(tables), segment
 
 
 def steps_at_rest(segment: NDArray[np.int64], every: int) -> int:

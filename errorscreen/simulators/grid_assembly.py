@@ -121,7 +121,7 @@ class GridModel:
         self._norton, self._rotor = by_kind.get("norton"), by_kind.get("rotor")
 
     def model(self) -> Model:
-        """Model whose tables are those of `table`."""
+        """Model whose tables are those of `tables`."""
         self._calls = []
         self._sources()
         self._solve()
@@ -144,19 +144,18 @@ class GridModel:
             gated=gates(self.effects),
         )
 
-    def table(self, reduced: ReducedNetwork) -> NDArray[np.float64]:
-        """Values of the tables for one state of the grid, shape (n_tables,)."""
+    def tables(self, reduced: ReducedNetwork) -> NDArray[np.float64]:
+        """Values of the tables for one state of the grid, shape (n_tables,), or several, (n_states, n_tables)."""
         rows = [reduced.impedance]
         flow = 0
-        observed = dict(zip(reduced.observed, reduced.transfer, strict=True))
         for where in self.channels.values():
             if isinstance(where, tuple):
-                rows += [reduced.flow_voltages[flow : flow + 1], reduced.flow_currents[flow : flow + 1]]
+                rows += [reduced.flow_voltages[..., flow, None, :], reduced.flow_currents[..., flow, None, :]]
                 flow += 1
             else:
-                rows.append(observed[where][None])
-        values = np.concatenate(rows)
-        return np.stack([values.real, values.imag], axis=-1).ravel()
+                rows.append(reduced.transfer[..., reduced.observed.index(where), None, :])
+        values = np.concatenate(rows, axis=-2)
+        return np.stack([values.real, values.imag], axis=-1).reshape(*values.shape[:-2], -1)
 
     def _rows(self) -> list[str]:
         rows = list(self._order)

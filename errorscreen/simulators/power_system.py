@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from errorscreen.parameters import ParameterSpace
 from errorscreen.power import LOAD, FixedMachine
 from errorscreen.power.load_flow import LoadFlow, solve_load_flow
 from errorscreen.power.network import Network
-from errorscreen.power.reduction import reduce_network
+from errorscreen.power.reduction import Reducer
 from errorscreen.simulators.assembly import (
     INSIDE,
     Prepared,
@@ -165,9 +164,10 @@ class PowerSystemSimulator(Simulator):
         self._grid = GridModel((m.bus for m in self.machines), devices.values(), self.observed, inside)
         self._engine = engines[engine](self._grid.model(), n_threads)
         self._flows: dict[float, LoadFlow] = {}
+        self._reducers: dict[float, Reducer] = {}
         self._terminal_values: dict[float, AtTerminals] = {}
         self._recent = Recent()
-        self._table(event)(self.network)  # an unknown bus or branch shows here
+        self._tables(event)([self.network])  # an unknown bus or branch shows here
 
     def __repr__(self) -> str:
         return (
@@ -276,8 +276,8 @@ class PowerSystemSimulator(Simulator):
         if not altering:
             return tables, segment, np.ones(len(theta), dtype=bool)
         happened = what_happened(event, altering, theta, self.parameters)
-        network, table = self._flow(event).network, self._table(event)
-        return courses(happened, network, table, tables[0], segment.shape[-1], len(theta), h)
+        network, own = self._flow(event).network, self._tables(event)
+        return courses(happened, network, own, tables[0], segment.shape[-1], len(theta), h)
 
     def _course(
         self, event: GridEvent, h: float, every: int
@@ -285,24 +285,26 @@ class PowerSystemSimulator(Simulator):
         """States of the grid on record, and which of them holds in each step."""
 
         def course() -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-            network, table = self._flow(event).network, self._table(event)
             steps = every * (len(event.time) - 1)
-            return tables_in_time(event, network, table(network), table, h, steps, exact=True)
+            return tables_in_time(event, self._flow(event).network, self._tables(event), h, steps)
 
         found: tuple[NDArray[np.float64], NDArray[np.int64]] = self._recent.get((event, h), course)
         return found
 
-    def _table(self, event: GridEvent) -> Callable[[Network], NDArray[np.float64]]:
-        """What gives the table of a state of the grid, with loads that draw their power before an event."""
-        reduced = partial(
-            reduce_network,
-            terminals=self._terminals(),
-            load_voltages=self._flow(event).voltage,
-            observed=[w for w in self.observed.values() if not isinstance(w, tuple)],
-            flows=[w for w in self.observed.values() if isinstance(w, tuple)],
-            admittances={m.bus: m.admittance for m in self.machines},
-        )
-        return lambda network: self._grid.table(reduced(network))
+    def _tables(self, event: GridEvent) -> Callable[[Sequence[Network]], NDArray[np.float64]]:
+        """What gives the tables of states of the grid, with loads that draw their power before an event."""
+        if event.level not in self._reducers:
+            flow = self._flow(event)
+            self._reducers[event.level] = Reducer(
+                flow.network,
+                self._terminals(),
+                load_voltages=flow.voltage,
+                observed=[w for w in self.observed.values() if not isinstance(w, tuple)],
+                flows=[w for w in self.observed.values() if isinstance(w, tuple)],
+                admittances={m.bus: m.admittance for m in self.machines},
+            )
+        reduced = self._reducers[event.level]
+        return lambda networks: self._grid.tables(reduced(networks))
 
     def _prepared(self, theta: NDArray[np.float64], event: GridEvent) -> Prepared:
         """What a simulation needs to begin, see `Prepared`."""

@@ -92,7 +92,7 @@ def solved(network, v, grid, model):
         network, terminals, admittances={b: 1 / (1j * x) for b, x in FIXED.items()}, **options
     )
     engine, b = ReferenceEngine(model), dict(v)
-    engine._set(b, model.tables, grid.table(reduced))
+    engine._set(b, model.tables, grid.tables(reduced))
     with np.errstate(all="ignore"):  # random states may be absurd for the controls behind the grid
         for recorded in (False, True):
             engine._evaluate(b, np.zeros(0), recorded=recorded)

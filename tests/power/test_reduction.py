@@ -7,12 +7,12 @@ from hypothesis import strategies as st
 
 from errorscreen.cases.ieee39_data import MACHINES, ieee39_network
 from errorscreen.exceptions import InputError
-from errorscreen.power.elements import Branch, Bus
+from errorscreen.power.elements import Branch, Bus, Shunt
 from errorscreen.power.load_flow import solve_load_flow
 from errorscreen.power.network import Network
-from errorscreen.power.reduction import kron_reduction, reduce_network
+from errorscreen.power.reduction import Reducer, kron_reduction, reduce_network
 from tests.power.andes_reference import andes, solve
-from tests.power.grids import networks
+from tests.power.grids import networks, random_network
 
 UNITS = tuple(bus for _, bus, *_ in MACHINES)
 FLOW = solve_load_flow(ieee39_network())
@@ -205,4 +205,56 @@ def test_equals_a_full_solution_with_the_matrix_of_andes(state):
     scale = np.abs(V).max()
     assert (
         np.abs(currents() @ reduced(network).impedance.T - V[:, network.indices(UNITS)]).max() < 1e-12 * scale
+    )
+
+
+def reducer(network, **options):
+    options = {"load_voltages": FLOW.voltage, "observed": (2, 39, 3), "flows": ((25, 2), (2, 3), (30, 2))} | options
+    return Reducer(network, UNITS, **options)
+
+
+def arrays(found):
+    return found.impedance, found.transfer, found.flow_currents, found.flow_voltages
+
+
+@pytest.mark.parametrize("start", STATES)
+def test_states_are_reduced_from_that_before_as_they_are_anew(start):
+    network = STATES[start](ieee39_network())
+    states = [change(network) for change in STATES.values()]
+    states.append(network.with_branch_share(26, 25, 0.3).with_fault(25, 0.02j))
+    found = arrays(reducer(network)(states))
+    for k, state in enumerate(states):
+        for one, other in zip(found, arrays(reduced(state)), strict=True):
+            np.testing.assert_allclose(one[k], other, rtol=1e-9, atol=1e-12)
+
+
+@given(st.integers(0, 2**32 - 1).map(lambda seed: random_network(seed, n=24)), st.data())
+def test_any_change_of_any_grid_leads_to_what_it_is_anew(network, data):
+    """Faults through any impedance, also one so small or a branch so weak that the update is ill-conditioned."""
+    bus = data.draw(st.sampled_from([b.number for b in network.buses]))
+    branch = data.draw(st.sampled_from(network.branches))
+    size = st.floats(-9, 1).map(lambda e: 10.0**e)
+    changed = network.with_branch_share(*branch.ends, data.draw(size), branch.circuit)
+    changed = changed.with_fault(bus, 1j * data.draw(size))
+    options = {
+        "terminals": [network.buses[0].number],
+        "load_voltages": np.ones(len(network.buses)),
+        "admittances": {b.number: 0.1 - 1j for b in network.buses},
+        "observed": [b.number for b in network.buses],
+        "flows": [branch.ends],
+    }
+    found = Reducer(network, **options)([changed])
+    for one, other in zip(arrays(found), arrays(reduce_network(changed, **options)), strict=True):
+        np.testing.assert_allclose(one[0], other, rtol=1e-6, atol=1e-9)
+
+
+def test_a_state_without_a_unique_solution_is_nan_and_leaves_the_others():
+    grid = Network(
+        (Bus(1), Bus(2)), (Branch(1, 2, 0.0, 0.1),), slack=1, shunts=(Shunt(1, 0.0, 1.0), Shunt(2, 0.0, 0.5))
+    )
+    lost = replace(grid, shunts=())
+    found = Reducer(grid, [1], load_voltages=[1.0, 1.0])([lost, grid])
+    assert np.isnan(found.impedance[0]).all()
+    np.testing.assert_allclose(
+        found.impedance[1], reduce_network(grid, [1], load_voltages=[1.0, 1.0]).impedance
     )

@@ -11,7 +11,6 @@ from errorscreen.events import BusFault, Event, GridEvent, LineTrip, LoadStep
 from errorscreen.exceptions import InputError
 from errorscreen.power.elements import Branch, Bus, Generator, Load
 from errorscreen.power.network import Network
-from errorscreen.power.reduction import reduce_network
 from errorscreen.power.two_axis_fixed import FixedMachine
 from errorscreen.recordings import Recording
 from errorscreen.simulators import PowerSystemSimulator, Status, Unit, power_system
@@ -50,25 +49,28 @@ def system(event=FAULT, **options):
 
 
 def test_the_grid_of_a_recorded_event_is_reduced_once(monkeypatch):
-    count = []
+    reduced = []
 
-    def counted(*args, **kwargs):
-        count.append(1)
-        return reduce_network(*args, **kwargs)
+    class Counting(power_system.Reducer):
+        def __call__(self, networks):
+            reduced.append(len(networks))
+            return super().__call__(networks)
 
+    monkeypatch.setattr(power_system, "Reducer", Counting)
     simulator = system()
-    monkeypatch.setattr(power_system, "reduce_network", counted)
+    reduced.clear()
     theta = random_rows(simulator, 2)
     first = simulator.simulate(theta).values
-    assert len(count) == 2  # during the fault, and before as after it
+    assert reduced == [3]  # before, during and after the fault
     assert np.array_equal(simulator.simulate(theta).values, first)
-    assert len(count) == 2
+    assert len(reduced) == 1
     # another step has other tables
     simulator.with_step_of(simulator.refined(2)).simulate(theta)
-    assert len(count) == 4
+    assert reduced == [3, 3]
     longer = simulator.extend("fault_duration")
+    reduced.clear()
     longer.simulate(np.c_[np.tile(theta[0], (5, 1)), np.arange(5) * 0.01])
-    assert len(count) == 5  # a fault that lasts longer is the same grid
+    assert reduced[-1] == 1  # a fault that lasts longer is the same grid
 
 
 def test_contract():
