@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from errorscreen.exceptions import SimulationError
 from errorscreen.metrics import channel_weights, objective, quiet_level, response_error
 from errorscreen.observations import Observation
+from errorscreen.parameters import distinct_rows
 from errorscreen.sampling import latin_hypercube
 from errorscreen.simulators.base import Simulator
 from errorscreen.simulators.observations import as_observations, check_names
@@ -214,10 +215,10 @@ class FitProblem:
         event, rows, which = observation.event, theta, None
         if any(not effect.acts_in(event) for effect in self.simulator.extensions):
             # rows that differ in nothing that acts in this event are simulated once
-            rows, which = np.unique(self.simulator.acting(theta, event), axis=0, return_inverse=True)
+            rows, which = distinct_rows(self.simulator.acting(theta, event))
         responses = self.simulator.simulate(rows, event)
         failed = int(np.sum(~responses.ok))
-        part = use(observation, responses.values if which is None else responses.values[which.ravel()])
+        part = use(observation, responses.values if which is None else responses.values[which])
         return part, len(rows), failed, responses.failures() if failed else ""
 
 

@@ -61,7 +61,8 @@ class Engine:
         self._order = [model.states.index(name) for name in self.layout.states]
         self._switches = [model.constants.index(name) for name in model.switches]
         self._gates = [model.constants.index(name) for name, _ in model.gated]
-        self._gated = [[model.states.index(name) for name in names] for _, names in model.gated]
+        gated = [(model.states.index(s), model.constants.index(name)) for name, own in model.gated for s in own]
+        self._gated = np.array(gated, dtype=np.int64).reshape(-1, 2).T  # states, and the switch of each
 
     @property
     def threads(self) -> int:
@@ -176,8 +177,8 @@ class Engine:
         """
         x = self.integrate(x0, constants, np.zeros((3, 0)), h=h, tables=tables, record=self.model.states)
         still = np.abs(np.diff(x)[..., 0]) <= _STILL * np.maximum(1.0, np.abs(x0))
-        for switch, states in zip(self._gates, self._gated, strict=True):
-            still[:, states] |= constants[:, [switch]] == 0
+        states, switches = self._gated
+        still[:, states] |= constants[:, switches] == 0
         return np.asarray(still.all(axis=1))
 
     def _lanes(self, n: int) -> int:

@@ -154,10 +154,11 @@ class Network:
         part = self.branch(bus, other, circuit)
         less = replace(part, r=part.r / share, x=part.x / share, b=part.b * share)
         at = next(k for k in self._positions[frozenset(part.ends)] if self.branches[k] is part)
-        ends = self.indices(part.ends)
-        change = np.subtract(less.admittances, part.admittances).reshape(2, 2)
+        i, k = (self._index[end] for end in part.ends)
+        change = [new - old for new, old in zip(less.admittances, part.admittances, strict=True)]
         return self._changed(
-            (np.ix_(ends, ends), change), branches=(*self.branches[:at], less, *self.branches[at + 1 :])
+            (([i, i, k, k], [i, k, i, k]), change),
+            branches=(*self.branches[:at], less, *self.branches[at + 1 :]),
         )
 
     def with_fault(self, bus: int, impedance: complex = 0.0) -> Network:
@@ -281,7 +282,7 @@ class Network:
         Y = self._branches_and_shunts.copy()
         if load_voltages is not None:
             V = self.voltages(load_voltages, "load_voltages")
-            Y[np.diag_indices_from(Y)] += self._demand.conj() / np.abs(V) ** 2  # (N2)
+            Y.flat[:: len(Y) + 1] += self._demand.conj() / np.abs(V) ** 2  # (N2)
         return Y
 
     @cached_property

@@ -181,10 +181,9 @@ class Reducer:
         self.terminals, self.observed = tuple(listed(terminals)), tuple(listed(observed))
         self.flows = tuple((a, b) for a, b in flows)
         self._load_voltages = network.voltages(load_voltages, "load_voltages")
-        self._units = np.zeros((len(network.buses),) * 2, dtype=complex)
+        self._units = np.zeros(len(network.buses), dtype=complex)
         for bus, y in (admittances or {}).items():
-            i = network.index(bus, where="admittances")
-            self._units[i, i] += y
+            self._units[network.index(bus, where="admittances")] += y
         self._at = network.indices(self.terminals)
         self._seen = network.indices(self.observed)
         self._sending = network.indices(a for a, _ in self.flows)
@@ -209,7 +208,7 @@ class Reducer:
         before, Z = self._before
         V = np.zeros((len(networks), len(before), len(self._at)), dtype=complex)
         alike: dict[tuple[bytes, frozenset[int]], list[int]] = {}
-        D = np.array([network.admittance(self._load_voltages) for network in networks]) + self._units - before
+        D = self._admittances(networks) - before
         changed = D.any(axis=1) | D.any(axis=2)
         for k, network in enumerate(networks):
             alike.setdefault((changed[k].tobytes(), network.grounded), []).append(k)
@@ -234,14 +233,21 @@ class Reducer:
 
     def _solved(self, network: Network) -> NDArray[np.complex128]:
         """Voltages of all buses for 1 pu at each terminal in turn, from the whole matrix."""
-        Y = network.admittance(self._load_voltages) + self._units
-        return _unit_responses(Y, self._at, self._grounded(network))
+        return _unit_responses(self._admittances([network])[0], self._at, self._grounded(network))
 
     @cached_property
     def _before(self) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         """Admittance matrix of the grid before, without its bolted faults, and its inverse."""
-        Y = self.network.admittance(self._load_voltages) + self._units
+        Y = self._admittances([self.network])[0]
         return Y, _solve(Y, np.eye(len(Y), dtype=complex))
+
+    def _admittances(self, networks: Sequence[Network]) -> NDArray[np.complex128]:
+        """Admittance matrices with loads (N2) and units, shape (n_states, n_buses, n_buses)."""
+        Y = np.array([network.admittance() for network in networks])
+        demand = np.array([network.demand() for network in networks])
+        own = np.arange(Y.shape[-1])
+        Y[:, own, own] += demand.conj() / np.abs(self._load_voltages) ** 2 + self._units
+        return Y
 
     def _updated(
         self,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -166,11 +166,18 @@ def starting(
         Where there is an equilibrium.
     n : int
     """
-    x0, constants = (np.empty((len(names), n)) for names in (model.states, model.constants))
-    for rows, names in ((x0, model.states), (constants, model.constants)):
-        for row, name in zip(rows, names, strict=True):
-            row[:] = values[name]
-    return x0.T, constants.T, feasible & np.isfinite(x0).all(axis=0) & np.isfinite(constants).all(axis=0)
+    x0, constants = (_columns([values[name] for name in names], n) for names in (model.states, model.constants))
+    return x0, constants, feasible & np.isfinite(x0).all(axis=1) & np.isfinite(constants).all(axis=1)
+
+
+def _columns(values: Sequence[NDArray[np.float64]], n: int) -> NDArray[np.float64]:
+    """Side by side (n, m), of which most are the same in all rows."""
+    out = np.empty((n, len(values)))
+    out[:] = [0.0 if np.ndim(value) else value for value in values]
+    for column, value in enumerate(values):
+        if np.ndim(value):
+            out[:, column] = value
+    return out
 
 
 def start_effects(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from errorscreen.effects.base import Effect
 from errorscreen.events import GridEvent
 from errorscreen.exceptions import InputError
-from errorscreen.parameters import ParameterSpace
+from errorscreen.parameters import ParameterSpace, distinct_rows
 from errorscreen.power.network import Network
 
 #: states of the grid that are remembered while the courses of an event are made
@@ -37,13 +37,13 @@ def what_happened(
     """
     names = [effect.local(p.name) for effect in effects for p in effect.parameters]
     columns = theta[:, [parameters.index(name) for name in names]]
-    kinds, which = np.unique(columns, axis=0, return_inverse=True)
+    kinds, which = distinct_rows(columns)
     for number, row in enumerate(kinds):
         own = dict(zip(names, row.tolist(), strict=True))
         happened: Any = event
         for effect in effects:
             happened = effect.equations(happened, *(own[effect.local(p.name)] for p in effect.parameters))
-        yield which.ravel() == number, happened
+        yield which == number, happened
 
 
 def tables_in_time(

@@ -373,17 +373,16 @@ class PowerSystemSimulator(Simulator):
         self, theta: NDArray[np.float64], event: GridEvent, h: float
     ) -> tuple[Values, NDArray[np.bool_]]:
         """All states and constants by name, each of shape (n,) or (), and where an equilibrium exists."""
-        one = np.ones(len(theta))
         machines, powers = self._at_terminals(event)
-        values: Values = {"f0": self.f0 * one, **machines}
-        feasible = one > 0
+        values: Values = {"f0": np.array(self.f0), **machines}
+        feasible = np.ones(len(theta), dtype=bool)
         given = self._named(theta, event)
         begin = min(event.start, event.time[-1] - event.dt) - event.time[0]
-        instants = {"t_event": begin * one, "t_stop": (event.time[-1] - event.time[0]) * one}
+        instants = {"t_event": np.array(begin), "t_stop": np.array(event.time[-1] - event.time[0])}
         of_device: dict[str, Values] = {}
         for item, (size, voltage, power) in zip(self._items, powers, strict=True):
             own, possible = at_rest(item, given, size, voltage, power, self.f0)
-            own, name = {k: v * one for k, v in own.items()}, item.model.name
+            name = item.model.name
             values |= {qualified(name, k): v for k, v in own.items()}
             of_device[name] = own | instants
             feasible = feasible & possible
