@@ -282,6 +282,7 @@ class Competition(Refinement):
                 or nearest is None
                 or all(effect.minima == 1 for effect in nearest.effects)
                 or not self.explained(self.most_effects, NAMED)
+                or not self.adds(nearest)
             ):
                 return
             self._everywhere(nearest, times)

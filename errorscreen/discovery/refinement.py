@@ -270,7 +270,8 @@ class Refinement(Standings):
         if fitted is None:
             return None
         self.keep(fitted, self.test(fitted), before)
-        hopeless = effects and fitted.chi2 > PART * self.base.chi2
+        # neither what leaves most of what parameters leave, nor two of which one is idle, comes near to noise elsewhere
+        hopeless = effects and (fitted.chi2 > PART * self.base.chi2 or not self.adds(fitted))
         if everywhere and not hopeless and not self.is_adequate(fitted):
             return self._everywhere(fitted)
         return fitted

@@ -8,6 +8,9 @@ from errorscreen.discovery.hypotheses import Hypothesis
 from errorscreen.discovery.remainder import Remainder, remainder_test
 from errorscreen.effects.base import Effect
 
+#: what leaves more than this share of what one effect less leaves has gained next to nothing from it
+_LESS = 0.9
+
 
 class Standings:
     """Hypotheses about some recordings; one is *adequate* if what it leaves passes for noise.
@@ -82,6 +85,13 @@ class Standings:
         """Whether a hypothesis leaves less than this share of what parameters leave."""
         whole = self.remainders[self.base.name].excess
         return self.remainders[hypothesis.name].excess < share * whole
+
+    def adds(self, hypothesis: Hypothesis) -> bool:
+        """Whether every effect of a hypothesis adds something: the others alone leave notably more, as far as known."""
+        left = self.remainders[hypothesis.name].excess
+        own = set(hypothesis.effects)
+        fewer = (h for h in self.hypotheses if h.effects and set(h.effects) < own)
+        return all(left < _LESS * self.remainders[h.name].excess for h in fewer)
 
     def passes(self, remainder: Remainder) -> bool:
         """Whether what is left passes for noise."""

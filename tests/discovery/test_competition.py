@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import combinations
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from errorscreen.discovery.competition import Competition
 from errorscreen.discovery.growth import begun
 from errorscreen.discovery.hypotheses import parameters_only
 from errorscreen.discovery.signatures import SignatureSearch
+from errorscreen.discovery.standings import Standings
 from errorscreen.recordings import Recording
 from tests.simulators.models import oscillator, push
 
@@ -265,8 +267,33 @@ def test_pairs_that_leave_as_little_as_may_be_named_are_fitted_from_everywhere_t
     monkeypatch.setattr(Competition, "adequate", property(lambda self: []))
     monkeypatch.setattr(Competition, "is_adequate", lambda self, fitted: False)
     monkeypatch.setattr(Competition, "leaves_less", lambda self, fitted, share: little)
+    monkeypatch.setattr(Competition, "adds", lambda self, fitted: True)
     found._spread()
     nearest = found.nearest(2).name
     assert nearest in spread
     both = {" + ".join(pair) for pair in pairs}
     assert both & set(spread) == (both if little else {nearest})
+
+
+@pytest.mark.parametrize(("pair", "adds"), [(79.0, True), (95.0, False)])
+def test_of_two_effects_each_must_add_something(pair, adds):
+    found = Standings(0.01, 0, print)
+    sets = {"parameters": ((), 1000.0), "a": (("a",), 100.0), "b": (("b",), 990.0), "a + b": (("a", "b"), pair)}
+    found.hypotheses = [SimpleNamespace(name=name, effects=effects) for name, (effects, _) in sets.items()]
+    found.remainders = {name: SimpleNamespace(excess=excess) for name, (_, excess) in sets.items()}
+    assert found.adds(found.hypotheses[-1]) is adds
+    assert all(found.adds(h) for h in found.hypotheses[:-1])  # of one nothing is asked
+
+
+@pytest.mark.parametrize("adds", [True, False])
+def test_two_of_which_one_is_idle_are_not_fitted_from_everywhere(adds, spring, monkeypatch):
+    simulator, observation = spring
+    found = competition(simulator, observation, max_effects=2)
+    known = {effect.name: effect for effect in simulator.effects}
+    lines = []
+    found.tell = lines.append
+    monkeypatch.setattr(Competition, "adds", lambda self, fitted: adds)
+    monkeypatch.setattr(Competition, "is_adequate", lambda self, fitted: False)
+    monkeypatch.setattr("errorscreen.discovery.refinement.PART", np.inf)
+    found._refit([known[name] for name in LEAVES_LITTLE], found.base, [found.base], everywhere=True)
+    assert sum("other starts" in line for line in lines) == adds
