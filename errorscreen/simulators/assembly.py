@@ -172,10 +172,11 @@ def starting(
 
 def _columns(values: Sequence[NDArray[np.float64]], n: int) -> NDArray[np.float64]:
     """Side by side (n, m), of which most are the same in all rows."""
-    out = np.empty((n, len(values)))
-    out[:] = [0.0 if np.ndim(value) else value for value in values]
-    for column, value in enumerate(values):
-        if np.ndim(value):
+    arrays = [np.asarray(value) for value in values]
+    out = np.empty((n, len(arrays)))
+    out[:] = [0.0 if value.ndim else value.item() for value in arrays]
+    for column, value in enumerate(arrays):
+        if value.ndim:
             out[:, column] = value
     return out
 

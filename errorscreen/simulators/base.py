@@ -235,7 +235,8 @@ class Simulator(ABC):
 
     def _present(self, event: Event) -> tuple[Effect, ...]:
         """Effects that act in an event, by the names that the model knows them by."""
-        return tuple(replace(e, name=e.original) for e in self.extensions if e.acts_in(event))
+        acting = (e for e in self.extensions if e.acts_in(event))
+        return tuple(replace(e, name=e.original) if e.recording else e for e in acting)
 
     def _named(self, theta: NDArray[np.float64], event: Event) -> dict[str, NDArray[np.float64]]:
         """Parameters (n,) by the names that the model knows them by, without those of effects that do not act."""
