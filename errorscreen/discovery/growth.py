@@ -75,8 +75,6 @@ class Growth:
         Lowest objective on that part.
     part : FitProblem
         The one to that part; all of it before the first.
-    step : float or None
-        None as soon as it is not good enough with the effects.
     """
 
     def __init__(
@@ -92,7 +90,17 @@ class Growth:
         self.objective = np.inf
         self._size, self._rng = len(self.reached), generator(random_state)
         self._fit: JointFit | None = None
-        self._number, self.step, self._rough = 0, step, problem.with_step(step)
+        self._number, self._step, self._rough = 0, step, problem.with_step(step)
+        self._asked = True  # whether the step is good enough for what was reached
+
+    @property
+    def step(self) -> float | None:
+        """Step of the simulations; None as soon as it is not good enough with the effects."""
+        if not self._asked:  # only of what goes on: most fits of a race end with their first part
+            self._asked = True
+            part = self.problem.until(_PARTS[self._number - 1][0])
+            self._step = good_enough(part, self.reached[0], self._step)
+        return self._step
 
     def run(self, parts: int = len(_PARTS)) -> Growth:
         """Go on to so many parts in all.
@@ -103,14 +111,12 @@ class Growth:
             If no start can be simulated.
         """
         for share, kept, iterations in _PARTS[self._number : parts]:
-            self.part = part = self._rough.until(share)
+            self.part = part = (self._rough if self.step else self.problem).until(share)
             starts = self.reached if self._fit is None else self._scattered(self._fit, part)
             kept_ = max(1, round(kept * self._size))
             self._fit = JointFit(self.effects, part, starts, central=False).keep(kept_).run(iterations)
             self.reached, self.objective = self._fit.reached, self._fit.objective
-            self._number += 1
-            if self.step and not good_enough(self.problem.until(share), self.reached[0], self.step):
-                self.step, self._rough = None, self.problem
+            self._number, self._asked = self._number + 1, False
         return self
 
     def _scattered(self, fit: JointFit, part: FitProblem) -> _Array:
