@@ -61,7 +61,9 @@ class Engine:
         self._order = [model.states.index(name) for name in self.layout.states]
         self._switches = [model.constants.index(name) for name in model.switches]
         self._gates = [model.constants.index(name) for name, _ in model.gated]
-        gated = [(model.states.index(s), model.constants.index(name)) for name, own in model.gated for s in own]
+        gated = [
+            (model.states.index(s), model.constants.index(name)) for name, own in model.gated for s in own
+        ]
         self._gated = np.array(gated, dtype=np.int64).reshape(-1, 2).T  # states, and the switch of each
 
     @property

@@ -209,13 +209,13 @@ class Reducer:
         V = np.zeros((len(networks), len(before), len(self._at)), dtype=complex)
         alike: dict[tuple[bytes, frozenset[int]], list[int]] = {}
         D = self._admittances(networks) - before
-        changed = D.any(axis=1) | D.any(axis=2)
+        changed = np.asarray(D.any(axis=1) | D.any(axis=2))
         for k, network in enumerate(networks):
             alike.setdefault((changed[k].tobytes(), network.grounded), []).append(k)
-        for rows in alike.values():
+        for rows in map(np.array, alike.values()):
             s, grounded = np.flatnonzero(changed[rows[0]]), self._grounded(networks[rows[0]])
             V[rows], well = self._updated(Z, D[np.ix_(rows, s, s)], s, grounded)
-            for k in np.array(rows)[~well]:
+            for k in rows[~well]:
                 try:
                     V[k] = self._solved(networks[k])
                 except InputError:
@@ -260,7 +260,10 @@ class Reducer:
         n, T = len(D), len(self._at)
         if 4 * (len(s) + len(grounded)) > len(Z):
             return np.zeros((n, len(Z), T), dtype=complex), np.zeros(n, dtype=bool)
-        V, well = np.repeat(Z[None, :, np.concatenate([self._at, grounded])], n, axis=0), np.ones(n, dtype=bool)
+        V, well = (
+            np.repeat(Z[None, :, np.concatenate([self._at, grounded])], n, axis=0),
+            np.ones(n, dtype=bool),
+        )
         if len(s):
             left, V_s = np.eye(len(s)) + D @ Z[np.ix_(s, s)], V[:, s]
             well &= np.linalg.cond(left, 1) < _ILL_CONDITIONED

@@ -166,7 +166,9 @@ def starting(
         Where there is an equilibrium.
     n : int
     """
-    x0, constants = (_columns([values[name] for name in names], n) for names in (model.states, model.constants))
+    x0, constants = (
+        _columns([values[name] for name in names], n) for names in (model.states, model.constants)
+    )
     return x0, constants, feasible & np.isfinite(x0).all(axis=1) & np.isfinite(constants).all(axis=1)
 
 

@@ -278,7 +278,12 @@ def test_pairs_that_leave_as_little_as_may_be_named_are_fitted_from_everywhere_t
 @pytest.mark.parametrize(("pair", "adds"), [(79.0, True), (95.0, False)])
 def test_of_two_effects_each_must_add_something(pair, adds):
     found = Standings(0.01, 0, print)
-    sets = {"parameters": ((), 1000.0), "a": (("a",), 100.0), "b": (("b",), 990.0), "a + b": (("a", "b"), pair)}
+    sets = {
+        "parameters": ((), 1000.0),
+        "a": (("a",), 100.0),
+        "b": (("b",), 990.0),
+        "a + b": (("a", "b"), pair),
+    }
     found.hypotheses = [SimpleNamespace(name=name, effects=effects) for name, (effects, _) in sets.items()]
     found.remainders = {name: SimpleNamespace(excess=excess) for name, (_, excess) in sets.items()}
     assert found.adds(found.hypotheses[-1]) is adds

@@ -209,7 +209,11 @@ def test_equals_a_full_solution_with_the_matrix_of_andes(state):
 
 
 def reducer(network, **options):
-    options = {"load_voltages": FLOW.voltage, "observed": (2, 39, 3), "flows": ((25, 2), (2, 3), (30, 2))} | options
+    options = {
+        "load_voltages": FLOW.voltage,
+        "observed": (2, 39, 3),
+        "flows": ((25, 2), (2, 3), (30, 2)),
+    } | options
     return Reducer(network, UNITS, **options)
 
 
