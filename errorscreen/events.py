@@ -35,10 +35,10 @@ class Event:
         time = np.asarray(self.time, dtype=float)
         if time.ndim != 1 or len(time) < 2:
             raise InputError(f"the time axis has shape {time.shape}", allowed="at least two instants")
-        steps = np.diff(time)
-        mean = (time[-1] - time[0]) / (len(time) - 1)
-        # written so that values that are not finite do not pass
-        if not (mean > 0 and np.abs(steps - mean).max() <= 1e-9 + 1e-6 * mean):
+        with np.errstate(invalid="ignore"):  # what is not finite does not pass
+            mean = (time[-1] - time[0]) / (len(time) - 1)
+            uniform = mean > 0 and np.abs(np.diff(time) - mean).max() <= 1e-9 + 1e-6 * mean
+        if not (uniform and np.isfinite(mean)):
             raise InputError(
                 "the time axis of an event is not uniform and increasing",
                 remedy="Resample the recording first (Recording.resample)",

@@ -312,5 +312,5 @@ def distinct_rows(theta: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDAr
     """
     first: dict[bytes, int] = {}
     number = [first.setdefault(row.tobytes(), k) for k, row in enumerate(theta)]
-    found, which = np.unique(number, return_inverse=True)
+    found, which = np.unique(np.array(number, dtype=np.int64), return_inverse=True)
     return theta[found], which

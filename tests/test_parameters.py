@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from errorscreen.exceptions import InputError
-from errorscreen.parameters import Parameter, ParameterSpace
+from errorscreen.parameters import Parameter, ParameterSpace, distinct_rows
 from errorscreen.power import DEVICES
 
 SPACE = ParameterSpace(
@@ -109,3 +109,11 @@ def test_every_parameter_of_a_device_has_a_domain(device):
     for p in device.candidates:
         if p.unit == "s" or p.name.startswith("X"):
             assert p.domain == "> 0"
+
+
+@given(st.integers(0, 12), st.integers(1, 3), st.integers(0, 2**32 - 1))
+def test_distinct_rows_give_all_rows_back(n, m, seed):
+    theta = np.random.default_rng(seed).integers(0, 2, (n, m)).astype(float)
+    rows, which = distinct_rows(theta)
+    assert np.array_equal(rows[which], theta)
+    assert len(rows) == len(np.unique(theta, axis=0))

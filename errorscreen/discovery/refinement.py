@@ -270,8 +270,9 @@ class Refinement(Standings):
         if fitted is None:
             return None
         self.keep(fitted, self.test(fitted), before)
-        # neither what leaves most of what parameters leave, nor two of which one is idle, comes near to noise elsewhere
-        hopeless = effects and (fitted.chi2 > PART * self.base.chi2 or not self.adds(fitted))
+        hopeless = bool(effects) and fitted.chi2 > PART * self.base.chi2
+        # where one of the most effects is idle, a race has tried all others beside the rest before
+        hopeless |= len(effects) == self.most_effects and not self.adds(fitted)
         if everywhere and not hopeless and not self.is_adequate(fitted):
             return self._everywhere(fitted)
         return fitted

@@ -87,11 +87,14 @@ class Standings:
         return self.remainders[hypothesis.name].excess < share * whole
 
     def adds(self, hypothesis: Hypothesis) -> bool:
-        """Whether every effect of a hypothesis adds something: the others alone leave notably more, as far as known."""
-        left = self.remainders[hypothesis.name].excess
+        """Whether every effect of a hypothesis adds something: the others alone leave notably more, as far as known.
+
+        By χ² beyond what noise is expected to leave; `Remainder.excess` counts what noise leaves by chance, too.
+        """
         own = set(hypothesis.effects)
         fewer = (h for h in self.hypotheses if h.effects and set(h.effects) < own)
-        return all(left < _LESS * self.remainders[h.name].excess for h in fewer)
+        left = hypothesis.chi2 - len(hypothesis.residuals)
+        return all(left < _LESS * (h.chi2 - len(h.residuals)) for h in fewer)
 
     def passes(self, remainder: Remainder) -> bool:
         """Whether what is left passes for noise."""

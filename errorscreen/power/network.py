@@ -26,6 +26,10 @@ from numpy.typing import ArrayLike, NDArray
 from errorscreen.exceptions import InputError, check_real, unknown_name
 from errorscreen.power.elements import Branch, Bus, Generator, Load, Shunt
 
+#: share of a branch below which the admittance matrix is assembled anew: what is left of it would be a difference of
+#: large numbers
+_SMALL_SHARE = 1e-4
+
 
 @dataclass(frozen=True)
 class Network:
@@ -154,12 +158,12 @@ class Network:
         part = self.branch(bus, other, circuit)
         less = replace(part, r=part.r / share, x=part.x / share, b=part.b * share)
         at = next(k for k in self._positions[frozenset(part.ends)] if self.branches[k] is part)
+        branches = (*self.branches[:at], less, *self.branches[at + 1 :])
+        if share < _SMALL_SHARE:
+            return replace(self, branches=branches)
         i, k = (self._index[end] for end in part.ends)
         change = [new - old for new, old in zip(less.admittances, part.admittances, strict=True)]
-        return self._changed(
-            (([i, i, k, k], [i, k, i, k]), change),
-            branches=(*self.branches[:at], less, *self.branches[at + 1 :]),
-        )
+        return self._changed((([i, i, k, k], [i, k, i, k]), change), branches=branches)
 
     def with_fault(self, bus: int, impedance: complex = 0.0) -> Network:
         """Connect a bus to ground through a symmetrical fault impedance in pu; 0 is a bolted fault, held exactly."""

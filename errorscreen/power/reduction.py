@@ -29,8 +29,8 @@ from errorscreen.exceptions import InputError
 from errorscreen.power.elements import Branch
 from errorscreen.power.network import Network, listed
 
-#: condition number from which on a state is reduced anew
-_ILL_CONDITIONED = 1e6
+#: how ill-conditioned all steps of an update may be together; rounding errors grow by it
+_ILL_CONDITIONED = 1e9
 
 
 @dataclass(frozen=True)
@@ -141,8 +141,8 @@ class Reducer:
     .. math:: V' = V - Z_{:s} (1 + D Z_{ss})^{-1} D V_s                                                  & (R3)
 
     (Woodbury's identity; Hager, *Updating the Inverse of a Matrix*, SIAM Review, 1989), and likewise for a bolted
-    fault, whose voltage is zero. States in which a quarter of the buses changes, or where this is ill-conditioned, are
-    reduced anew.
+    fault, whose voltage is zero. States in which a quarter of the buses changes, or where differences of large numbers
+    are left by this, are reduced anew.
 
     Parameters
     ----------
@@ -186,8 +186,8 @@ class Reducer:
             self._units[network.index(bus, where="admittances")] += y
         self._at = network.indices(self.terminals)
         self._seen = network.indices(self.observed)
-        self._sending = network.indices(a for a, _ in self.flows)
-        self._receiving = network.indices(b for _, b in self.flows)
+        ends = [[network.index(bus, where="flows") for bus in flow] for flow in self.flows]
+        self._sending, self._receiving = np.array(ends, dtype=np.int64).reshape(-1, 2).T
         for sending, receiving in self.flows:
             if not network.branches_between(sending, receiving):
                 raise InputError(f"no branch connects the buses {sending} and {receiving}", where="flows")
@@ -198,14 +198,22 @@ class Reducer:
         Parameters
         ----------
         networks : sequence of Network
-            With the same buses.
+            One or more, with the same buses in the same order.
 
         Returns
         -------
         ReducedNetwork
             Its arrays have one more axis, the first, for the states; NaN for one without a unique solution.
+
+        Raises
+        ------
+        InputError
+            If one has other buses.
         """
-        before, Z = self._before
+        for network in networks:
+            if network.buses != self.network.buses:
+                raise InputError("a state of the grid has other buses than that before", where="Reducer")
+        before, Z, _ = self._before
         V = np.zeros((len(networks), len(before), len(self._at)), dtype=complex)
         alike: dict[tuple[bytes, frozenset[int]], list[int]] = {}
         D = self._admittances(networks) - before
@@ -236,10 +244,14 @@ class Reducer:
         return _unit_responses(self._admittances([network])[0], self._at, self._grounded(network))
 
     @cached_property
-    def _before(self) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        """Admittance matrix of the grid before, without its bolted faults, and its inverse."""
+    def _before(self) -> tuple[NDArray[np.complex128], NDArray[np.complex128], float]:
+        """Admittance matrix before, without bolted faults, its inverse, and its condition number."""
         Y = self._admittances([self.network])[0]
-        return Y, _solve(Y, np.eye(len(Y), dtype=complex))
+        try:
+            Z = _solve(Y, np.eye(len(Y), dtype=complex))
+        except InputError:  # a bolted fault may be all that fixes the voltages
+            return Y, np.zeros_like(Y), np.inf
+        return Y, Z, float(np.linalg.norm(Y, 1) * np.linalg.norm(Z, 1))
 
     def _admittances(self, networks: Sequence[Network]) -> NDArray[np.complex128]:
         """Admittance matrices with loads (N2) and units, shape (n_states, n_buses, n_buses)."""
@@ -265,18 +277,25 @@ class Reducer:
             np.ones(n, dtype=bool),
         )
         if len(s):
-            left, V_s = np.eye(len(s)) + D @ Z[np.ix_(s, s)], V[:, s]
-            well &= np.linalg.cond(left, 1) < _ILL_CONDITIONED
+            change = D @ Z[np.ix_(s, s)]
+            left, V_s = np.eye(len(s)) + change, V[:, s]
+            well &= self._accurate(left, 1.0 + np.linalg.norm(change, 1, axis=(-2, -1)))
             left[~well] = np.eye(len(s))
             V -= Z[:, s] @ np.linalg.solve(left, D @ V_s)
         if len(grounded):
             # a bolted fault has whatever current keeps its voltage at zero
             own, left = V[..., T:], V[:, grounded, T:]
-            well &= np.linalg.cond(left, 1) < _ILL_CONDITIONED
+            well &= self._accurate(left, np.linalg.norm(own, 1, axis=(-2, -1)))
             left[~well] = np.eye(len(grounded))
             V = V[..., :T] - own @ np.linalg.solve(left, V[:, grounded, :T])
             V[:, grounded] = 0
         return V, well
+
+    def _accurate(self, left: NDArray[np.complex128], size: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Whether errors stay small: `size` is that of what may cancel in matrices (n, k, k) which are inverted."""
+        with np.errstate(all="ignore"):
+            inverse = np.linalg.cond(left, 1) / np.linalg.norm(left, 1, axis=(-2, -1))
+            return np.asarray(self._before[2] * size * inverse < _ILL_CONDITIONED)
 
     def _reduced(self, networks: Sequence[Network], V: NDArray[np.complex128]) -> ReducedNetwork:
         """What is asked for, from the voltages of all buses for 1 pu at each terminal in turn."""

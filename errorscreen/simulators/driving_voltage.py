@@ -65,9 +65,7 @@ def driving_voltage(
         first, last, early = jump
         found[:, (position > first) & (position < last)] = values[:, [last if early else first]]
     signals = dict(zip(used, found, strict=True))
-    V = signals["V"] + 0j
-    if "angle" in signals:
-        V = signals["V"] * np.exp(1j * signals["angle"])
+    V = signals["V"] * (np.exp(1j * signals["angle"]) if "angle" in signals else 1.0 + 0j)
     if impedance:
         if np.abs(V).min() < _DEAD:
             raise InputError(

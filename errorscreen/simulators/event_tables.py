@@ -14,8 +14,8 @@ from errorscreen.exceptions import InputError
 from errorscreen.parameters import ParameterSpace, distinct_rows
 from errorscreen.power.network import Network
 
-#: states of the grid that are remembered while the courses of an event are made
-_REMEMBERED = 4
+#: states of the grid that a new one is compared with, and how many are reduced together: matrices of all are in memory
+_COMPARED, _TOGETHER = 4, 64
 #: share of a step by which an instant may miss it
 _NEARLY = 1e-6
 
@@ -38,8 +38,9 @@ def what_happened(
     names = [effect.local(p.name) for effect in effects for p in effect.parameters]
     columns = theta[:, [parameters.index(name) for name in names]]
     kinds, which = distinct_rows(columns)
-    for number, row in enumerate(kinds):
-        own = dict(zip(names, row.tolist(), strict=True))
+    # sorted, so that those that lead to the same states of the grid follow each other
+    for number in np.lexsort(kinds.T[::-1]):
+        own = dict(zip(names, kinds[number].tolist(), strict=True))
         happened: Any = event
         for effect in effects:
             happened = effect.equations(happened, *(own[effect.local(p.name)] for p in effect.parameters))
@@ -79,6 +80,8 @@ def tables_in_time(
     """
     changes = event.changes(network)
     values = tables([network, *(changed for _, changed in changes)])
+    if not np.isfinite(values[0]).all():
+        raise InputError("the grid has no unique solution before the event", where=event.name)
     for (instant, _), after in zip(changes, values[1:], strict=True):
         position = (instant - event.time[0]) / h
         if abs(round(position) - position) > _NEARLY:
@@ -128,8 +131,11 @@ def courses(
     possible : ndarray of shape (n,), bool
         Two branches opened can leave an island.
     """
-    # all states are reduced at once; a fault that only lasts longer leads to the same ones again
-    states, plans, possible = [network], [], np.ones(n, dtype=bool)
+    # states are reduced together; a fault that only lasts longer leads to the same ones again
+    parts, plans, possible = [before[None]], [], np.ones(n, dtype=bool)
+    recent: list[tuple[int, Network]] = [(0, network)]
+    waiting: list[Network] = []
+    count = 1
     for rows, event in happened:
         try:
             changes = event.changes(network)
@@ -138,19 +144,23 @@ def courses(
             continue
         numbers = []
         for _, changed in changes:
-            recent = range(len(states) - 1, max(0, len(states) - 1 - _REMEMBERED), -1)
-            number = next((k for k in (0, *recent) if states[k] == changed), len(states))
-            states += [changed] if number == len(states) else []
+            number = next((k for k, state in recent if state == changed), count)
+            if number == count:
+                waiting.append(changed)
+                recent, count = [recent[0], (count, changed), *recent[1:_COMPARED]], count + 1
             numbers.append(number)
         plans.append((rows, event, [instant for instant, _ in changes], numbers))
-    values = np.concatenate([before[None], tables(states[1:])]) if len(states) > 1 else before[None]
-    out, segments, count = [before[None]], np.zeros((n, instants), dtype=np.int64), 1
+        if len(waiting) >= _TOGETHER:
+            parts.append(tables(waiting))
+            waiting = []
+    values = np.concatenate([*parts, tables(waiting)] if waiting else parts)
+    out, segments, first = [before[None]], np.zeros((n, instants), dtype=np.int64), 1
     for rows, event, times, numbers in plans:
         own, segment = _placed(event, times, values[[0, *numbers]], h, instants - 1)
         possible[rows] = np.isfinite(own).all()
-        segments[rows] = np.where(segment > 0, segment + count - 1, 0)
+        segments[rows] = np.where(segment > 0, segment + first - 1, 0)
         out.append(own[1:])
-        count += len(own) - 1
+        first += len(own) - 1
     return np.concatenate(out), segments, possible
 
 

@@ -167,7 +167,8 @@ class PowerSystemSimulator(Simulator):
         self._reducers: dict[float, Reducer] = {}
         self._terminal_values: dict[float, AtTerminals] = {}
         self._recent = Recent()
-        self._tables(event)([self.network])  # an unknown bus or branch shows here
+        # an unknown bus or branch, or voltages that nothing fixes, show here
+        self._reducer(event).anew(self._flow(event).network)
 
     def __repr__(self) -> str:
         return (
@@ -293,6 +294,11 @@ class PowerSystemSimulator(Simulator):
 
     def _tables(self, event: GridEvent) -> Callable[[Sequence[Network]], NDArray[np.float64]]:
         """What gives the tables of states of the grid, with loads that draw their power before an event."""
+        reduced = self._reducer(event)
+        return lambda networks: self._grid.tables(reduced(networks))
+
+    def _reducer(self, event: GridEvent) -> Reducer:
+        """What reduces states of the grid; kept as load flows are."""
         if event.level not in self._reducers:
             flow = self._flow(event)
             self._reducers[event.level] = Reducer(
@@ -303,8 +309,7 @@ class PowerSystemSimulator(Simulator):
                 flows=[w for w in self.observed.values() if isinstance(w, tuple)],
                 admittances={m.bus: m.admittance for m in self.machines},
             )
-        reduced = self._reducers[event.level]
-        return lambda networks: self._grid.tables(reduced(networks))
+        return self._reducers[event.level]
 
     def _prepared(self, theta: NDArray[np.float64], event: GridEvent) -> Prepared:
         """What a simulation needs to begin, see `Prepared`."""

@@ -225,7 +225,8 @@ def arrays(found):
 def test_states_are_reduced_from_that_before_as_they_are_anew(start):
     network = STATES[start](ieee39_network())
     states = [change(network) for change in STATES.values()]
-    states.append(network.with_branch_share(26, 25, 0.3).with_fault(25, 0.02j))
+    less = network.with_branch_share(26, 25, 0.3)
+    states += [less.with_fault(25, 0.02j), less.with_fault(25), less.with_fault(25).with_fault(30)]
     found = arrays(reducer(network)(states))
     for k, state in enumerate(states):
         for one, other in zip(found, arrays(reduced(state)), strict=True):
@@ -252,13 +253,39 @@ def test_any_change_of_any_grid_leads_to_what_it_is_anew(network, data):
         np.testing.assert_allclose(one[0], other, rtol=1e-6, atol=1e-9)
 
 
+def chain(n=8, **options):
+    """Buses in a row, of which nothing but shunts fixes the voltage."""
+    branches = tuple(Branch(k, k + 1, 0.0, 0.1) for k in range(1, n))
+    return Network(tuple(Bus(k) for k in range(1, n + 1)), branches, slack=1, **options)
+
+
 def test_a_state_without_a_unique_solution_is_nan_and_leaves_the_others():
-    grid = Network(
-        (Bus(1), Bus(2)), (Branch(1, 2, 0.0, 0.1),), slack=1, shunts=(Shunt(1, 0.0, 1.0), Shunt(2, 0.0, 0.5))
-    )
-    lost = replace(grid, shunts=())
-    found = Reducer(grid, [1], load_voltages=[1.0, 1.0])([lost, grid])
-    assert np.isnan(found.impedance[0]).all()
-    np.testing.assert_allclose(
-        found.impedance[1], reduce_network(grid, [1], load_voltages=[1.0, 1.0]).impedance
-    )
+    grid = chain(shunts=(Shunt(1, 0.0, 1.0),))
+    # what fixes the voltage is taken away
+    states = [replace(grid, shunts=(*grid.shunts, Shunt(1, 0.0, -1.0))), replace(grid, shunts=()), grid]
+    options = {"terminals": [1], "load_voltages": np.ones(8)}
+    found = Reducer(grid, **options)(states).impedance
+    assert np.isnan(found[:2]).all()
+    np.testing.assert_allclose(found[2], reduce_network(grid, **options).impedance)
+
+
+@pytest.mark.parametrize("b", [1e-3, 1e-9, 1e-13])
+@pytest.mark.parametrize("change", [lambda g: g.with_fault(4), lambda g: g.with_fault(4, 0.1j)])
+def test_voltages_that_hardly_anything_fixes_before_lose_no_accuracy(b, change):
+    grid = chain(shunts=(Shunt(3, 0.0, b),))
+    options = {"terminals": [8], "load_voltages": np.ones(8)}
+    expected = reduce_network(change(grid), **options).impedance
+    np.testing.assert_allclose(Reducer(grid, **options)([change(grid)]).impedance[0], expected, rtol=1e-7)
+
+
+def test_a_bolted_fault_may_be_all_that_fixes_the_voltages():
+    grid = chain().with_fault(3)
+    options = {"terminals": [8], "load_voltages": np.ones(8)}
+    expected = reduce_network(grid, **options).impedance
+    np.testing.assert_allclose(Reducer(grid, **options)([grid]).impedance[0], expected)
+
+
+def test_a_state_has_the_buses_of_that_before():
+    options = {"terminals": [1], "load_voltages": np.ones(8)}
+    with pytest.raises(InputError, match="other buses"):
+        Reducer(chain(shunts=(Shunt(1, 0.0, 1.0),)), **options)([chain(9, shunts=(Shunt(1, 0.0, 1.0),))])
