@@ -38,7 +38,7 @@ def inside(*quantities):
     simulator = load_ieee39(channels=dict.fromkeys(quantities, 2))
     simulator._engine = Engine(replace(SYSTEM._engine.model, outputs=quantities))
     simulator._grid = SYSTEM._grid
-    simulator.observed = SYSTEM.observed
+    simulator.observed, simulator._reducers = SYSTEM.observed, {}
     return dict(zip(quantities, simulator.baseline(), strict=True))
 
 
