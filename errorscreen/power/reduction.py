@@ -254,11 +254,10 @@ class Reducer:
         return Y, Z, float(np.linalg.norm(Y, 1) * np.linalg.norm(Z, 1))
 
     def _admittances(self, networks: Sequence[Network]) -> NDArray[np.complex128]:
-        """Admittance matrices with loads (N2) and units, shape (n_states, n_buses, n_buses)."""
-        Y = np.array([network.admittance() for network in networks])
-        demand = np.array([network.demand() for network in networks])
+        """Admittance matrices with loads and units, shape (n_states, n_buses, n_buses)."""
+        Y = np.array([network.admittance(self._load_voltages) for network in networks])
         own = np.arange(Y.shape[-1])
-        Y[:, own, own] += demand.conj() / np.abs(self._load_voltages) ** 2 + self._units
+        Y[:, own, own] += self._units
         return Y
 
     def _updated(

@@ -167,8 +167,7 @@ class PowerSystemSimulator(Simulator):
         self._reducers: dict[float, Reducer] = {}
         self._terminal_values: dict[float, AtTerminals] = {}
         self._recent = Recent()
-        # an unknown bus or branch, or voltages that nothing fixes, show here
-        self._reducer(event).anew(self._flow(event).network)
+        self._reducer(event).anew(self._flow(event).network)  # an unknown bus, or no solution, shows here
 
     def __repr__(self) -> str:
         return (
@@ -294,8 +293,7 @@ class PowerSystemSimulator(Simulator):
 
     def _tables(self, event: GridEvent) -> Callable[[Sequence[Network]], NDArray[np.float64]]:
         """What gives the tables of states of the grid, with loads that draw their power before an event."""
-        reduced = self._reducer(event)
-        return lambda networks: self._grid.tables(reduced(networks))
+        return lambda networks: self._grid.tables(self._reducer(event)(networks))
 
     def _reducer(self, event: GridEvent) -> Reducer:
         """What reduces states of the grid; kept as load flows are."""
@@ -387,14 +385,12 @@ class PowerSystemSimulator(Simulator):
         of_device: dict[str, Values] = {}
         for item, (size, voltage, power) in zip(self._items, powers, strict=True):
             own, possible = at_rest(item, given, size, voltage, power, self.f0)
-            name = item.model.name
-            values |= {qualified(name, k): v for k, v in own.items()}
-            of_device[name] = own | instants
+            values |= {qualified(item.model.name, k): v for k, v in own.items()}
+            of_device[item.model.name] = own | instants
             feasible = feasible & possible
         values |= self._off | given
-        return values | start_effects(
-            self._inside, values, lambda effect: of_device[effect.device], h
-        ), feasible
+        started = start_effects(self._inside, values, lambda effect: of_device[effect.device], h)
+        return values | started, feasible
 
     def _at_terminals(self, event: GridEvent) -> AtTerminals:
         """What holds at all terminals before an event; kept as load flows are."""
