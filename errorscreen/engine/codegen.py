@@ -37,65 +37,68 @@ _TEMPLATE = '''\
 import numba
 import numpy as np
 
-from errorscreen.engine.rk4 import correct, load, place, predict, store
+from errorscreen.engine.rk4 import correct, load, mark, place, predict, store
 {imports}
 
 {compiled}
 
 
 @numba.njit(error_model="numpy")
-def evaluate(lanes, b, u, j, tables, s, on):
+def evaluate(lanes, b, u, j, on):
 {inputs}
 {evaluate}
 
 
 @numba.njit(error_model="numpy")
-def observe(lanes, b, u, j, tables, s, on):
+def observe(lanes, b, u, j, on):
 {inputs}
 {observe}
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def integrate(
-    lanes, x0, constants, u, tables, segment, h, every, spans, active_spans, rows, switched, out, first, last
+    lanes, first, last, x0, constants, u, tables, segment, h, every, spans, gates, switches, rows, out
 ):
     b = np.zeros({size})
+    on = np.ones(switches.size, np.bool_)
+    active = np.ones(1 + gates.size, np.bool_)
     for block in range(first, last):
         b[:] = 0.0
-        on = switched[block]
-        active = active_spans[block]
+        mark(on, constants, switches, block, {lanes})
+        mark(active[1:], constants, gates, block, {lanes})
         load(b, x0, block, {lanes}, 0)
         load(b, constants, block, {lanes}, {constants})
         for step in range(segment.shape[1]):
-            {tables}
-            evaluate(lanes, b, u, 2 * step, tables, s, on)
+            place(b, tables, segment, block, {lanes}, {tables}, step)
+            evaluate(lanes, b, u, 2 * step, on)
             if step % every == 0:
-                observe(lanes, b, u, 2 * step, tables, s, on)
+                observe(lanes, b, u, 2 * step, on)
                 store(out, b, block, {lanes}, rows, step // every)
             if step + 1 == segment.shape[1]:
                 break
             predict(b, spans, active, {lanes}, {shift}, 0.5 * h, 1.0, True)
-            evaluate(lanes, b, u, 2 * step + 1, tables, s, on)
+            evaluate(lanes, b, u, 2 * step + 1, on)
             predict(b, spans, active, {lanes}, {shift}, 0.5 * h, 2.0, False)
-            evaluate(lanes, b, u, 2 * step + 1, tables, s, on)
+            evaluate(lanes, b, u, 2 * step + 1, on)
             predict(b, spans, active, {lanes}, {shift}, h, 2.0, False)
-            evaluate(lanes, b, u, 2 * step + 2, tables, s, on)
+            evaluate(lanes, b, u, 2 * step + 2, on)
             correct(b, spans, active, {lanes}, {shift}, h)
 '''
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Rows of the buffer: states, derivatives, start values, sums, constants, signals, tables.
+    """Rows of the buffer: states, derivatives, start values, sums, constants, tables, signals.
 
-    States that belong to a switch lie behind the others, in the order of `Model.gated`. Tables have rows only where
-    each simulation has its own; `size` is without them.
+    States that belong to a switch lie behind the others, in the order of `Model.gated`. Tables have rows, too: in
+    registers there is room for few, and each simulation can have its own.
     """
 
     rows: dict[str, int]
     states: tuple[str, ...]
     spans: tuple[tuple[int, int], ...]
     constants: int
+    tables: int
     size: int
 
     @classmethod
@@ -110,12 +113,13 @@ class Layout:
         rows = {name: i for i, name in enumerate(states)}
         rows |= {f"d_{name}": nx + i for i, name in enumerate(states)}
         constants = 4 * nx
-        for name in (*model.constants, *model.signals):
+        for name in (*model.constants, *model.tables, *model.signals):
             rows[name] = constants + len(rows) - 2 * nx
-        return cls(rows, tuple(states), tuple(spans), constants, constants + len(rows) - 2 * nx)
+        tables = constants + len(model.constants)
+        return cls(rows, tuple(states), tuple(spans), constants, tables, constants + len(rows) - 2 * nx)
 
 
-def _loop(call: Call, model: Model, layout: Layout, lanes: int, own_tables: bool, symbol: str) -> str:
+def _loop(call: Call, model: Model, layout: Layout, lanes: int, symbol: str) -> str:
     """Source of one call over all lanes.
 
     The number of lanes comes as an argument, or LLVM would unroll the loop before it makes vector instructions of it;
@@ -125,9 +129,6 @@ def _loop(call: Call, model: Model, layout: Layout, lanes: int, own_tables: bool
     def address(name: str) -> str:
         if name in model.inputs:
             return f"u{model.inputs.index(name)}"
-        if name in model.tables:
-            number = model.tables.index(name)
-            return f"b[{(layout.size + number) * lanes} + k]" if own_tables else f"t{number}"
         return f"b[{layout.rows[name] * lanes} + k]"
 
     results = ", ".join(f"r{i}" for i in range(len(call.writes)))
@@ -140,11 +141,8 @@ def _loop(call: Call, model: Model, layout: Layout, lanes: int, own_tables: bool
     return "\n".join("    " + line for line in lines)
 
 
-def source(model: Model, lanes: int, own_tables: bool = False) -> str:
-    """Text of the module for `lanes` simulations side by side, which share their tables or have each their own.
-
-    What is shared stays in registers or is read once for all lanes.
-    """
+def source(model: Model, lanes: int) -> str:
+    """Text of the module for `lanes` simulations side by side."""
     layout = Layout.of(model)
     functions = list(dict.fromkeys(call.function for call in model.calls))
     symbol = {function: f"f{i}" for i, function in enumerate(functions)}
@@ -156,25 +154,19 @@ def source(model: Model, lanes: int, own_tables: bool = False) -> str:
     )
     loops: dict[bool, list[str]] = {False: [], True: []}
     for call in model.calls:
-        loops[call.recorded].append(_loop(call, model, layout, lanes, own_tables, symbol[call.function]))
+        loops[call.recorded].append(_loop(call, model, layout, lanes, symbol[call.function]))
     return _TEMPLATE.format(
         name=model.name,
         imports=imports,
         compiled=compiled,
-        inputs="\n".join(
-            [f"    u{i} = u[j, {i}]" for i in range(len(model.inputs))]
-            + [f"    t{i} = tables[s, {i}]" for i in range(0 if own_tables else len(model.tables))]
-        )
-        or "    pass",
+        inputs="\n".join(f"    u{i} = u[j, {i}]" for i in range(len(model.inputs))) or "    pass",
         evaluate="\n".join(loops[False]) or "    pass",
         observe="\n".join(loops[True]) or "    pass",
-        tables=f"s = 0\n            place(b, tables, segment, block, {lanes}, {layout.size}, step)"
-        if own_tables
-        else "s = segment[0, step]",
-        size=(layout.size + own_tables * len(model.tables)) * lanes,
+        size=layout.size * lanes,
         lanes=lanes,
         shift=len(layout.states),
         constants=layout.constants,
+        tables=layout.tables,
     )
 
 
@@ -224,9 +216,9 @@ def fingerprint_of(modules: Iterable[ModuleType], text: str) -> str:
     return digest.hexdigest()[:16]
 
 
-def load_module(model: Model, lanes: int, own_tables: bool = False) -> ModuleType:
+def load_module(model: Model, lanes: int) -> ModuleType:
     """Write the generated module where it is missing or differs, and import it; see `source`."""
-    text = source(model, lanes, own_tables)
+    text = source(model, lanes)
     return load_generated(f"model_{fingerprint(model, text)}_{lanes}", text)
 
 

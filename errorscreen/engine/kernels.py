@@ -1,8 +1,8 @@
 """Runs a model: compiled in lanes, or in NumPy; both agree bit for bit.
 
-Lanes: 32 simulations lie side by side in memory and the inner loop over them becomes vector instructions. Small batches
-take 8, of which fewer are left unused: a search asks for seven trial points as often as for hundreds. So does a model
-so large that 32 would fill the processor's nearest caches.
+Lanes: 32 simulations lie side by side in memory and the inner loop over them becomes vector instructions. Small
+batches, and what is left over of a larger one, take 8, of which fewer are unused: a search asks for seven trial points
+as often as for hundreds.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from errorscreen.engine.stages import Model
 from errorscreen.exceptions import InputError
 from errorscreen.threads import side_by_side, threads_left
 
-#: simulations side by side, and those of small batches and of large models
+#: simulations side by side, and those of small batches
 LANES, FEW_LANES = 32, 8
-#: quantities of a model above which it is large, and simulations up to which a batch is small
-LARGE, SMALL_BATCH = 512, 16
+#: simulations up to which a batch is small: two blocks of few take less time than one that is half empty
+SMALL_BATCH = 16
 #: most simulations of a task: a thread that was held up leaves the rest to the others
 _TASK = 64
 #: relative change of a state in a step that is none: what rounding leaves of an equilibrium. Little more, because a
@@ -56,11 +56,11 @@ class Engine:
         self.model = model
         self.layout = Layout.of(model)
         self.n_threads = n_threads
-        self._kernels: dict[tuple[int, bool], Any] = {}
+        self._kernels: dict[int, Any] = {}
         # looked up once: a search makes many small batches of models with hundreds of quantities
         self._order = [model.states.index(name) for name in self.layout.states]
-        self._switches = [model.constants.index(name) for name in model.switches]
-        self._gates = [model.constants.index(name) for name, _ in model.gated]
+        self._switches = np.array([model.constants.index(name) for name in model.switches], dtype=np.int64)
+        self._gates = np.array([model.constants.index(name) for name, _ in model.gated], dtype=np.int64)
         gated = [
             (model.states.index(s), model.constants.index(name)) for name, own in model.gated for s in own
         ]
@@ -75,12 +75,11 @@ class Engine:
         """Leave compiled code behind: another process finds it in the cache."""
         return {**self.__dict__, "_kernels": {}}
 
-    def _kernel(self, lanes: int, own_tables: bool) -> Any:
-        """Compiled integrator for so many lanes, which share their tables or have each their own."""
-        key = lanes, own_tables
-        if key not in self._kernels:
-            self._kernels[key] = load_module(self.model, lanes, own_tables).integrate
-        return self._kernels[key]
+    def _kernel(self, lanes: int) -> Any:
+        """Compiled integrator for so many lanes."""
+        if lanes not in self._kernels:
+            self._kernels[lanes] = load_module(self.model, lanes).integrate
+        return self._kernels[lanes]
 
     def integrate(
         self,
@@ -124,16 +123,10 @@ class Engine:
         """
         n = len(x0)
         model, layout = self.model, self.layout
-        lanes = self._lanes(n)
-        blocks = -(-n // lanes)
-        on = self._any_in_block(constants, self._switches, blocks, lanes)
-        active = np.ones((blocks, len(layout.spans)), dtype=bool)
-        active[:, 1:] = self._any_in_block(constants, self._gates, blocks, lanes)
         tables, segment = _segments(model, n, len(u) // 2, tables, segment)
         record = model.outputs if record is None else record
         out = np.full((n, len(record), (len(u) // 2) // every + 1), np.nan)
         arguments = (
-            np.uint64(lanes),
             np.ascontiguousarray(x0[:, self._order]),
             np.ascontiguousarray(constants, dtype=float),
             np.ascontiguousarray(u, dtype=float),
@@ -142,12 +135,17 @@ class Engine:
             float(h),
             int(every),
             np.array(layout.spans, dtype=np.int64).reshape(-1, 2),
-            active,
+            self._gates,
+            self._switches,
             np.array([layout.rows[name] for name in record], dtype=np.int64),
-            on,
             out,
         )
-        self._run(self._kernel(lanes, len(segment) > 1), arguments, blocks, _TASK // lanes)
+        threads = threads_left(self.threads)
+        tasks = [
+            partial(self._kernel(lanes), np.uint64(lanes), first, last, *arguments)
+            for lanes, first, last in _tasks(n, threads)
+        ]
+        side_by_side(tasks, threads)
         return out
 
     def acting(self, constants: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -182,25 +180,6 @@ class Engine:
         states, switches = self._gated
         still[:, states] |= constants[:, switches] == 0
         return np.asarray(still.all(axis=1))
-
-    def _lanes(self, n: int) -> int:
-        """Lanes for a batch of `n` simulations."""
-        return FEW_LANES if n <= SMALL_BATCH or self.layout.size > LARGE else LANES
-
-    def _run(self, kernel: Any, arguments: tuple[Any, ...], blocks: int, most: int) -> None:
-        """Share the blocks between threads, at most so many in a task."""
-        threads = min(threads_left(self.threads), blocks)
-        share = min(most, -(-blocks // threads)) if threads > 1 else max(blocks, 1)
-        tasks = [(b, min(b + share, blocks)) for b in range(0, blocks, share)]
-        side_by_side([partial(kernel, *arguments, *task) for task in tasks], threads)
-
-    def _any_in_block(
-        self, constants: NDArray[np.float64], columns: list[int], blocks: int, lanes: int
-    ) -> NDArray[np.bool_]:
-        """True where a constant is nonzero in any simulation of a block, shape (blocks, len(columns))."""
-        nonzero = np.zeros((blocks * lanes, len(columns)), dtype=bool)
-        nonzero[: len(constants)] = constants[:, columns] != 0
-        return np.asarray(nonzero.reshape(blocks, lanes, len(columns)).any(axis=1))
 
 
 class ReferenceEngine(Engine):
@@ -291,6 +270,17 @@ class ReferenceEngine(Engine):
         self._evaluate(b, u, recorded=False)
         zero = np.zeros_like(next(iter(b.values())))
         return {name: np.asarray(b.get(f"d_{name}", zero)) for name in self.model.states}
+
+
+def _tasks(n: int, threads: int) -> list[tuple[int, int, int]]:
+    """Share n simulations: lanes of each task, and the first and last of its blocks of so many."""
+    left_over = n % LANES if n % LANES <= SMALL_BATCH else 0
+    share = min(_TASK, -(-n // threads)) if threads > 1 else n
+    tasks = []
+    for lanes, begin, end in ((LANES, 0, n - left_over), (FEW_LANES, n - left_over, n)):
+        first, last, most = begin // lanes, -(-end // lanes), max(1, share // lanes)
+        tasks += [(lanes, block, min(block + most, last)) for block in range(first, last, most)]
+    return tasks
 
 
 def _segments(

@@ -26,6 +26,16 @@ def load(b, values, block, lanes, first_row):
 
 
 @numba.njit(error_model="numpy", forceinline=True)
+def mark(on, constants, columns, block, lanes):
+    """Set ``on[c]`` where the c-th of some columns of the constants is nonzero in any simulation of a block."""
+    first, last = block * lanes, min((block + 1) * lanes, constants.shape[0])
+    for c in range(columns.size):
+        on[c] = False
+        for i in range(first, last):
+            on[c] |= constants[i, columns[c]] != 0.0
+
+
+@numba.njit(error_model="numpy", forceinline=True)
 def place(b, tables, segment, block, lanes, first_row, step):
     """Copy the tables (m, rows) that hold in a step into the buffer, for each simulation its own where they change."""
     for k in range(lanes):
