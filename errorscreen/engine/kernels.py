@@ -278,7 +278,8 @@ def _tasks(n: int, threads: int) -> list[tuple[int, int, int]]:
     share = min(_TASK, -(-n // threads)) if threads > 1 else n
     tasks = []
     for lanes, begin, end in ((LANES, 0, n - left_over), (FEW_LANES, n - left_over, n)):
-        first, last, most = begin // lanes, -(-end // lanes), max(1, share // lanes)
+        first, most = begin // lanes, max(1, share // lanes)
+        last = first - (begin - end) // lanes
         tasks += [(lanes, block, min(block + most, last)) for block in range(first, last, most)]
     return tasks
 

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from errorscreen.engine import Call, Engine, Model, ReferenceEngine
 from errorscreen.engine.codegen import cache_directory, load_module, source
 from errorscreen.engine.examples import decay
+from errorscreen.engine.kernels import FEW_LANES, LANES, SMALL_BATCH, _tasks
 from tests.plants import DEVICE_NAMES, plant, random_rows
 
 LAG = Model("lag", ("u",), ("x",), ("T",), (Call(decay, ("x", "u", "T"), ("d_x",)),), ("x",))
@@ -53,6 +54,15 @@ def test_neighbours_and_order_do_not_matter(n, random):
     random.shuffle(order)
     expected = simulator.simulate(theta).values[order]
     assert np.array_equal(simulator.simulate(theta[order]).values, expected, equal_nan=True)
+
+
+@given(st.integers(0, 400), st.integers(1, 9))
+def test_tasks_hold_each_simulation_once_and_leave_few_lanes_unused(n, threads):
+    tasks = _tasks(n, threads)
+    lanes = [i for count, first, last in tasks for i in range(first * count, last * count)]
+    assert lanes == list(range(len(lanes)))
+    spare = len(lanes) - n
+    assert 0 <= spare < (FEW_LANES if n % LANES <= SMALL_BATCH else LANES - SMALL_BATCH)
 
 
 def test_number_of_threads_does_not_matter():
