@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 from numbers import Integral
 from pathlib import Path
@@ -334,6 +335,13 @@ class CNNContributionRegressor(RegressorMixin, BaseEstimator):
         tags.target_tags.multi_output = True
         tags.non_deterministic = self.random_state is None
         return tags
+
+
+def require_network() -> None:
+    """Say what to install where the network cannot be imported, without the seconds that its import takes."""
+    for name in ("torch", "skorch"):
+        if importlib.util.find_spec(name) is None:
+            raise MissingExtraError(name, extra="cnn")
 
 
 def import_network() -> Any:

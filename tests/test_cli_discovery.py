@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 import pytest
+from threadpoolctl import threadpool_limits
 
 from errorscreen.cases import load_case
 from errorscreen.cli import main
@@ -73,6 +74,25 @@ def test_a_damaged_part_of_a_search_can_be_forgotten(tmp_path, capsys):
     # what is no stage has a remedy of its own
     assert "--fresh" not in refused(["diagnose", str(tmp_path / "no.toml")], "does not exist", capsys)
     assert main([*arguments, "--fresh"]) == 0
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_the_network_is_the_same_beside_a_search_as_without_one(threads, tmp_path):
+    case = folder(tmp_path)
+    results = []
+    with threadpool_limits(limits=threads):
+        for name, arguments in (("beside", []), ("alone", ["--no-discovery"])):
+            assert main(["run", case, "--out", str(tmp_path / name), "--quiet", *arguments]) == 0
+            results.append(read_result(tmp_path / name / "result.json"))
+    beside, alone = results
+    assert beside.discovery is not None
+    assert beside.run.threads == alone.run.threads == 1
+    rankings = [[(m.method, m.contributions) for m in r.screening.methods] for r in results]
+    assert rankings[0] == rankings[1]
+    assert [m.label for m in beside.calibration.methods] == [m.label for m in alone.calibration.methods]
+    # what was trained beside the search is a stage like others
+    assert main(["run", case, "--out", str(tmp_path / "beside"), "--quiet", "--no-discovery"]) == 0
+    assert "screening-cnn" in read_result(tmp_path / "beside" / "result.json").run.reused
 
 
 @pytest.mark.filterwarnings("ignore:.*P before the event is")

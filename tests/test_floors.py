@@ -21,6 +21,7 @@ FLOORS = [
         "resampling",
         "preparation",
         "threads",
+        "processes",
     },
     {"engine", "io", "metrics", "persistence"},
     {"effects", "power"},

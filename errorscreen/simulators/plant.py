@@ -34,6 +34,7 @@ from errorscreen.simulators.injection_noise import noise_left, passed_energy, qu
 from errorscreen.simulators.observations import check_recording
 from errorscreen.simulators.playback import playback_observation
 from errorscreen.simulators.recent import Recent
+from errorscreen.threads import one_blas_thread
 
 #: a response beyond this is not a machine's or a converter's, in pu
 _PLAUSIBLE = 1e3
@@ -286,6 +287,7 @@ class PlantSimulator(Simulator):
 
         return np.asarray(self._recent.get((event, every, *between), compute))
 
+    @one_blas_thread
     def _with_uncertainty(self, observation: Observation, recording: Recording) -> Observation:
         quiet = recording.quiet
         event, nominal = observation.event, self.parameters.nominal

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.cases.case_models import RunSection, ScreeningSection
@@ -27,6 +28,9 @@ from errorscreen.screening import (
     contribution_pipeline,
 )
 from errorscreen.simulators.base import Simulator
+
+#: of the training
+_THREADS = 1
 
 
 @dataclass(frozen=True)
@@ -97,7 +101,7 @@ def screen(
         "seconds": perf_counter() - start,
         "n_simulations": n_simulations,
         "n_failed": n_failed,
-        "threads": _training_threads() if method == "cnn" else None,
+        "threads": _THREADS if method == "cnn" else None,
     }
     return {"contributions": contributions}, meta
 
@@ -113,13 +117,6 @@ def error_pipeline(
         cnncontributionregressor__max_epochs=section.epochs,
         cnncontributionregressor__verbose=verbose,
     )
-
-
-def _training_threads() -> int:
-    """Threads of torch: sums are rounded differently with another number, and training amplifies that."""
-    import torch
-
-    return int(torch.get_num_threads())
 
 
 def _network(
@@ -141,7 +138,9 @@ def _network(
         noise=np.where(observation.mask, observation.noise[:, None], 0.0),
         random_state=run.random_state,
     )
-    screener.fit(training, contributions)
+    # on another number of threads sums are rounded differently, and training amplifies that
+    with threadpool_limits(limits=_THREADS):
+        screener.fit(training, contributions)
     measured = error.transform(observation.values[None])
     return screener.predict(measured)[0], n_simulations, n_failed
 

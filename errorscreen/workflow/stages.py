@@ -32,13 +32,17 @@ class StageStore:
     """
 
     def __init__(self, folder: str | Path, report: Callable[[str], None] = lambda line: None) -> None:
-        self._root, self._report = Path(folder), report
+        self.root, self._report = Path(folder), report
         self.reused: list[str] = []
-        _make(self._root)
+        _make(self.root)
 
     def folder(self, key: str) -> Path:
         """Folder of the stages with a fingerprint; made where it is missing."""
-        return _make(self._root / key[:16])
+        return _make(self.root / key[:16])
+
+    def has(self, name: str, key: str) -> bool:
+        """Whether a stage lies there; only `get` finds out whether it can be used."""
+        return self._path(name, key).exists()
 
     def get(self, name: str, key: str, compute: Callable[[], Stage]) -> Stage:
         """Return arrays and JSON values of a stage: the stored ones, or those that `compute` returns.
@@ -50,7 +54,7 @@ class StageStore:
             Fingerprint of everything the stage depends on.
         compute : callable
         """
-        path = self.folder(key) / f"{name}.npz"
+        path = self._path(name, key)
         if path.exists():
             found = _stored(name, key, path)
             if found is not None:
@@ -63,6 +67,9 @@ class StageStore:
         # also what was just computed is read back, so that a resumed run gives the same result bit for bit
         arrays, stored = load_arrays(path, format=_FORMAT, version=_VERSION)
         return arrays, stored["values"]
+
+    def _path(self, name: str, key: str) -> Path:
+        return self.folder(key) / f"{name}.npz"
 
 
 def _make(folder: Path) -> Path:

@@ -1,0 +1,103 @@
+"""A call in a process of its own: its result or error arrives, and the process does not outlive the block."""
+
+import os
+import signal
+import threading
+import time
+
+import pytest
+
+from errorscreen.exceptions import InputError
+from errorscreen.processes import beside
+
+HERE = os.getpid()
+
+
+def gone(number, seconds=30):
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        try:
+            os.kill(number, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.05)
+    return False
+
+
+def sleep_elsewhere(path):
+    path.write_text(str(os.getpid()))
+    time.sleep(600)
+
+
+def begun(path):
+    deadline = time.monotonic() + 60
+    while not (path.exists() and path.read_text()):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    return int(path.read_text())
+
+
+def test_the_result_comes_from_another_process():
+    with beside(os.getpid) as number:
+        assert number() != HERE
+
+
+def test_what_has_no_name_in_a_module_is_passed_on():
+    factor = 3
+    with beside(lambda x, *, plus: factor * x + plus, 2, plus=1) as result:
+        assert result() == 7
+
+
+def test_an_error_arrives_as_what_it_is():
+    def failing():
+        raise InputError("meant", where="a file", allowed="less", remedy="Write less")
+
+    with (
+        beside(failing) as result,
+        pytest.raises(InputError, match="a file: meant. Allowed: less. Write less"),
+    ):
+        result()
+
+
+def test_what_cannot_be_copied_is_called_here():
+    lock = threading.Lock()
+    with beside(lambda: (lock.locked(), os.getpid())) as result:
+        assert result() == (False, HERE)
+
+
+def test_a_process_that_is_killed_is_made_up_for_here():
+    def last():
+        if os.getpid() != HERE:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return os.getpid()
+
+    with beside(last) as result:
+        assert result() == HERE
+
+
+@pytest.mark.parametrize("error", [None, KeyboardInterrupt, InputError("meant")])
+def test_at_the_end_of_the_block_the_process_ends(error, tmp_path):
+    start = time.monotonic()
+    try:
+        with beside(sleep_elsewhere, tmp_path / "number"):
+            number = begun(tmp_path / "number")
+            if error is not None:
+                raise error
+    except (KeyboardInterrupt, InputError):
+        pass
+    assert gone(number)
+    assert time.monotonic() - start < 300  # and not after the 600 s of the call
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGINT for one child")
+def test_an_interrupt_does_not_reach_it(tmp_path):
+    def waiting():
+        (tmp_path / "number").write_text(str(os.getpid()))
+        while not (tmp_path / "sent").exists():
+            time.sleep(0.05)
+        return "done"
+
+    with beside(waiting) as result:
+        os.kill(begun(tmp_path / "number"), signal.SIGINT)
+        (tmp_path / "sent").write_text("")
+        assert result() == "done"
