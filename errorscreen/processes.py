@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import threading
+import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager
@@ -37,8 +38,8 @@ def beside(function: Callable[_P, _T], *args: _P.args, **kwargs: _P.kwargs) -> I
     Yields
     ------
     callable
-        Waits for the result and returns it, or raises what the call has raised. Where there can be no such process,
-        because something cannot be copied or the memory is not enough for it, the call is made here.
+        Waits for the result and returns it, with the warnings of the call, or raises what it has raised. Where there
+        can be no such process, because something cannot be copied or the memory is not enough, the call is made here.
 
     Examples
     --------
@@ -50,17 +51,28 @@ def beside(function: Callable[_P, _T], *args: _P.args, **kwargs: _P.kwargs) -> I
     """
     pool = ProcessPoolExecutor(1, initializer=_prepare, timeout=_IDLE)
     try:
-        future = pool.submit(function, *args, **kwargs)
+        future = pool.submit(_recorded, function, *args, **kwargs)
 
         def result() -> _T:
             try:
-                return future.result()
+                found, warned = future.result()
             except (BrokenExecutor, PicklingError):
                 return function(*args, **kwargs)
+            for warning in warned:
+                warnings.warn(warning, stacklevel=2)
+            return found
 
         yield result
     finally:
         pool.shutdown(kill_workers=True)
+
+
+def _recorded(
+    function: Callable[_P, _T], *args: _P.args, **kwargs: _P.kwargs
+) -> tuple[_T, list[Warning | str]]:
+    """Result of a call, and its warnings, which the process that waits shows as its own."""
+    with warnings.catch_warnings(record=True) as warned:
+        return function(*args, **kwargs), [warning.message for warning in warned]
 
 
 def _prepare() -> None:

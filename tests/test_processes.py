@@ -4,10 +4,11 @@ import os
 import signal
 import threading
 import time
+import warnings
 
 import pytest
 
-from errorscreen.exceptions import InputError
+from errorscreen.exceptions import DataWarning, InputError
 from errorscreen.processes import beside
 
 HERE = os.getpid()
@@ -57,6 +58,15 @@ def test_an_error_arrives_as_what_it_is():
         pytest.raises(InputError, match="a file: meant. Allowed: less. Write less"),
     ):
         result()
+
+
+def test_warnings_arrive_with_the_result():
+    def warning():
+        warnings.warn("meant", DataWarning, stacklevel=2)
+        return 1
+
+    with beside(warning) as result, pytest.warns(DataWarning, match="meant"):
+        assert result() == 1
 
 
 def test_what_cannot_be_copied_is_called_here():

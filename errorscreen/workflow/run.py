@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,61 +61,66 @@ def run_study(
     start, started = perf_counter(), datetime.now(UTC).isoformat(timespec="seconds")
     store = StageStore(Path(out) / "stages", report)
     before = tuple(_nominal(study.simulator, o) for o in study.observations)
-    methods = study.screening.methods
-    with _network(study, store, report) as network:
-        screened = {
-            method: _screened(method, study, store, progress, report)
-            for method in methods
-            if method != "cnn" or network is None
-        }
-        simple = _calibrated_on_all(study, store, progress, report)
-        verdict, discovered = Verdict(**simple.meta["verdict"]), None
+    with _fitting(study, store, progress, report) as fitting:
+        discovered = None
         if study.discovery.enabled:
             report("discovery: what parameters cannot explain")
             discovered = _discovered(study, store, report)
-            verdict = Verdict(**discovered.meta["verdict"])
-        if network is not None:
-            report("screening: cnn")
-            screened["cnn"] = network()
-    ranked = [screened[method] for method in methods]
-    swarms = _calibrated_on_selections(study, ranked, store, progress, report)
-    calibrated = {"map": [simple], "pso": swarms}
+        fitted = fitting()
+    verdict = fitted.verdict if discovered is None else Verdict(**discovered.meta["verdict"])
     return Outcome(
         study,
         before,
         _each(channel_fits, study, before),
         _each(stage_errors, study, before),
-        ranked,
-        [one for method in study.calibration.methods for one in calibrated[method]],
+        fitted.screened,
+        fitted.calibrated,
         discovered,
         verdict,
         perf_counter() - start,
         started,
-        store.reused,
+        [*fitted.reused, *store.reused],
     )
 
 
-@contextmanager
-def _network(
-    study: Study, store: StageStore, report: Callable[[str], None]
-) -> Iterator[Callable[[], Screened] | None]:
-    """Train the network beside the search for causes, which takes longer and needs nothing from it.
+class _Fitted(NamedTuple):
+    """What screening and calibration found, and which stages of it were there from an earlier run."""
 
-    Yields what waits for it, or None where there is no such search or the network is there from an earlier run.
+    screened: list[Screened]
+    calibrated: list[Calibrated]
+    verdict: Verdict
+    reused: list[str]
+
+
+@contextmanager
+def _fitting(
+    study: Study, store: StageStore, progress: bool, report: Callable[[str], None]
+) -> Iterator[Callable[[], _Fitted]]:
+    """Screen and calibrate, beside the search for causes where a network is to be trained and causes are searched.
+
+    The search takes longer, needs nothing of it, and leaves cores idle while it is in the interpreter.
     """
-    key = study.fingerprint("screening")
-    beside_search = "cnn" in study.screening.methods and study.discovery.enabled
-    if not beside_search or store.has("screening-cnn", key):
-        yield None
+    trained = store.has("screening-cnn", study.fingerprint("screening"))
+    if trained or "cnn" not in study.screening.methods or not study.discovery.enabled:
+        fitted = _fitted(study, StageStore(store.root, report), progress, report)
+        yield lambda: fitted
         return
     require_network()
-    report("screening: cnn, beside what follows")
-    with beside(_screened, "cnn", study, StageStore(store.root), False, _say_nothing) as screened:
-        yield screened
+    report(f"screening by {', '.join(study.screening.methods)} and calibration, beside what follows")
+    with beside(_fitted, study, StageStore(store.root), False, lambda line: None) as result:
+
+        def waiting() -> _Fitted:
+            report("screening and calibration: the rest of them")
+            return result()
+
+        yield waiting
 
 
-def _say_nothing(line: str) -> None:
-    """Report of what runs beside the lines of something else."""
+def _fitted(study: Study, store: StageStore, progress: bool, report: Callable[[str], None]) -> _Fitted:
+    """The published method: rank the parameters, and calibrate what is selected; beside it, all of them together."""
+    screened = [_screened(method, study, store, progress, report) for method in study.screening.methods]
+    calibrated, verdict = _calibrated_by_all(study, screened, store, progress, report)
+    return _Fitted(screened, calibrated, verdict, store.reused)
 
 
 def _screened(
@@ -141,41 +146,38 @@ def _screened(
     return Screened(method, arrays["contributions"], tuple(meta["names"]), *counts)
 
 
-def _calibrated_on_all(
-    study: Study, store: StageStore, progress: bool, report: Callable[[str], None]
-) -> Calibrated:
-    """Calibrate all parameters together, or take over what was found before; with what follows for the cause."""
-    report("calibration: map on all parameters")
-    arrays, meta = store.get(
-        "calibration-map",
-        study.fingerprint("calibration", study.held_out),
-        lambda: calibrate_map(
-            study.simulator, study.observation, study.held_out, study.calibration, study.run, progress
-        ),
-    )
-    return _calibrated("map", "all", arrays, meta, study)
-
-
-def _calibrated_on_selections(
+def _calibrated_by_all(
     study: Study,
     screened: list[Screened],
     store: StageStore,
     progress: bool,
     report: Callable[[str], None],
-) -> list[Calibrated]:
-    """Calibrate what each screener selected by particle swarm, where asked for, or take over what was found before."""
+) -> tuple[list[Calibrated], Verdict]:
+    """Calibrate by each method, or take over what was found before; and what follows for the cause of the error."""
+    report("calibration: map on all parameters")
+    settings = (study.calibration, study.run, progress)
+    arrays, meta = store.get(
+        "calibration-map",
+        study.fingerprint("calibration", study.held_out),
+        lambda: calibrate_map(study.simulator, study.observation, study.held_out, *settings),
+    )
+    verdict = Verdict(**meta["verdict"])
     calibrated = []
-    for one in screened if "pso" in study.calibration.methods else []:
-        report(f"calibration: pso on the selection of {one.method}: {', '.join(one.names)}")
-        found = store.get(
-            f"calibration-pso-{one.method}",
-            study.fingerprint("calibration", one.names),
-            lambda one=one: calibrate_pso(  # type: ignore[misc]
-                study.simulator, study.observation, one.names, study.calibration, study.run, progress
-            ),
-        )
-        calibrated.append(_calibrated("pso", one.method, *found, study))
-    return calibrated
+    for calibrator in study.calibration.methods:
+        if calibrator == "map":
+            calibrated.append(_calibrated("map", "all", arrays, meta, study))
+            continue
+        for one in screened:
+            report(f"calibration: pso on the selection of {one.method}: {', '.join(one.names)}")
+            found = store.get(
+                f"calibration-pso-{one.method}",
+                study.fingerprint("calibration", one.names),
+                lambda one=one: calibrate_pso(  # type: ignore[misc]
+                    study.simulator, study.observation, one.names, *settings
+                ),
+            )
+            calibrated.append(_calibrated("pso", one.method, *found, study))
+    return calibrated, verdict
 
 
 def _discovered(study: Study, store: StageStore, report: Callable[[str], None]) -> Discovered:
