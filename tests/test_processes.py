@@ -2,16 +2,25 @@
 
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 import warnings
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from errorscreen.exceptions import DataWarning, InputError
 from errorscreen.processes import beside
 
 HERE = os.getpid()
+
+
+POSIX = pytest.mark.skipif(
+    os.name == "nt", reason="Windows has other signals, and does not tell of dead parents"
+)
 
 
 def gone(number, seconds=30):
@@ -39,25 +48,46 @@ def begun(path):
 
 
 def test_the_result_comes_from_another_process():
-    with beside(os.getpid) as number:
-        assert number() != HERE
+    with beside(os.getpid) as call:
+        assert call.result() != HERE
+        assert call.done
 
 
 def test_what_has_no_name_in_a_module_is_passed_on():
     factor = 3
-    with beside(lambda x, *, plus: factor * x + plus, 2, plus=1) as result:
-        assert result() == 7
+    with beside(lambda x, *, plus: factor * x + plus, 2, plus=1) as call:
+        assert call.result() == 7
 
 
 def test_an_error_arrives_as_what_it_is():
     def failing():
         raise InputError("meant", where="a file", allowed="less", remedy="Write less")
 
-    with (
-        beside(failing) as result,
-        pytest.raises(InputError, match="a file: meant. Allowed: less. Write less"),
-    ):
-        result()
+    with beside(failing) as call, pytest.raises(InputError, match="a file: meant. Allowed: less. Write less"):
+        call.result()
+
+
+def test_an_error_is_told_as_soon_as_somebody_asks():
+    def failing():
+        raise InputError("meant")
+
+    with beside(failing) as call:
+        deadline = time.monotonic() + 60
+        while not call.done and time.monotonic() < deadline:
+            time.sleep(0.05)
+        with pytest.raises(InputError, match="meant"):
+            call.check()
+    with beside(time.sleep, 600) as call:
+        call.check()
+        assert not call.done
+
+
+def test_what_is_copied_is_what_was_there_when_it_began():
+    values = {k: np.zeros(1000) for k in range(1000)}
+    with beside(len, values) as call:
+        for k in range(1000, 100_000):
+            values[k] = k
+        assert call.result() == 1000
 
 
 def test_warnings_arrive_with_the_result():
@@ -65,26 +95,27 @@ def test_warnings_arrive_with_the_result():
         warnings.warn("meant", DataWarning, stacklevel=2)
         return 1
 
-    with beside(warning) as result, pytest.warns(DataWarning, match="meant"):
-        assert result() == 1
+    with beside(warning) as call, pytest.warns(DataWarning, match="meant"):
+        assert call.result() == 1
 
 
 def test_what_cannot_be_copied_is_called_here():
     lock = threading.Lock()
-    with beside(lambda: (lock.locked(), os.getpid())) as result:
-        assert result() == (False, HERE)
+    with beside(lambda: (lock.locked(), os.getpid())) as call:
+        assert call.result() == (False, HERE)
 
 
 def test_a_process_that_is_killed_is_made_up_for_here():
     def last():
         if os.getpid() != HERE:
-            os.kill(os.getpid(), signal.SIGKILL)
+            os._exit(1)
         return os.getpid()
 
-    with beside(last) as result:
-        assert result() == HERE
+    with beside(last) as call:
+        assert call.result() == HERE
 
 
+@POSIX
 @pytest.mark.parametrize("error", [None, KeyboardInterrupt, InputError("meant")])
 def test_at_the_end_of_the_block_the_process_ends(error, tmp_path):
     start = time.monotonic()
@@ -99,7 +130,7 @@ def test_at_the_end_of_the_block_the_process_ends(error, tmp_path):
     assert time.monotonic() - start < 300  # and not after the 600 s of the call
 
 
-@pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGINT for one child")
+@POSIX
 def test_an_interrupt_does_not_reach_it(tmp_path):
     def waiting():
         (tmp_path / "number").write_text(str(os.getpid()))
@@ -107,7 +138,25 @@ def test_an_interrupt_does_not_reach_it(tmp_path):
             time.sleep(0.05)
         return "done"
 
-    with beside(waiting) as result:
+    with beside(waiting) as call:
         os.kill(begun(tmp_path / "number"), signal.SIGINT)
         (tmp_path / "sent").write_text("")
-        assert result() == "done"
+        assert call.result() == "done"
+
+
+@POSIX
+def test_it_does_not_outlive_a_parent_that_is_killed(tmp_path):
+    program = (
+        "import sys, time, pathlib\n"
+        "from errorscreen.processes import beside\n"
+        "from tests.test_processes import sleep_elsewhere\n"
+        "with beside(sleep_elsewhere, pathlib.Path(sys.argv[1])) as call:\n"
+        "    call.result()\n"
+    )
+    parent = subprocess.Popen(
+        [sys.executable, "-c", program, str(tmp_path / "number")], cwd=Path(__file__).parents[1]
+    )
+    number = begun(tmp_path / "number")
+    parent.kill()
+    parent.wait(60)
+    assert gone(number)

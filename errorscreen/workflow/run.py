@@ -1,4 +1,4 @@
-"""The stages of the main job in their order: screen, calibrate, find causes, judge."""
+"""The stages of the main job: screen, calibrate, find causes, judge."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from errorscreen.discovery import Verdict, channel_fits, stage_errors
 from errorscreen.events import Playback
 from errorscreen.exceptions import InputError, SimulationError
 from errorscreen.observations import Observation
-from errorscreen.processes import beside
+from errorscreen.processes import Call, beside
 from errorscreen.regressors import require_network
 from errorscreen.simulators.base import REMEDIES, Simulator, Status
 from errorscreen.workflow.calibrate import calibrate_map, calibrate_pso
@@ -35,6 +35,9 @@ def run_study(
     report: Callable[[str], None] = lambda line: None,
 ) -> Outcome:
     """Screen, calibrate and judge; finished stages are kept in ``out/stages`` and used again.
+
+    Where a network is to be trained and causes are searched, screening and calibration run beside the search, in a
+    process of their own and without bars.
 
     Parameters
     ----------
@@ -62,11 +65,18 @@ def run_study(
     store = StageStore(Path(out) / "stages", report)
     before = tuple(_nominal(study.simulator, o) for o in study.observations)
     with _fitting(study, store, progress, report) as fitting:
+
+        def tell(line: str) -> None:
+            fitting.check()  # the rest of a long search would be for nothing
+            report(line)
+
         discovered = None
         if study.discovery.enabled:
             report("discovery: what parameters cannot explain")
-            discovered = _discovered(study, store, report)
-        fitted = fitting()
+            discovered = _discovered(study, store, tell)
+        if not fitting.done:
+            report("screening and calibration: what is left of them")
+        fitted = fitting.result()
     verdict = fitted.verdict if discovered is None else Verdict(**discovered.meta["verdict"])
     return Outcome(
         study,
@@ -95,7 +105,7 @@ class _Fitted(NamedTuple):
 @contextmanager
 def _fitting(
     study: Study, store: StageStore, progress: bool, report: Callable[[str], None]
-) -> Iterator[Callable[[], _Fitted]]:
+) -> Iterator[Call[_Fitted]]:
     """Screen and calibrate, beside the search for causes where a network is to be trained and causes are searched.
 
     The search takes longer, needs nothing of it, and leaves cores idle while it is in the interpreter.
@@ -103,17 +113,12 @@ def _fitting(
     trained = store.has("screening-cnn", study.fingerprint("screening"))
     if trained or "cnn" not in study.screening.methods or not study.discovery.enabled:
         fitted = _fitted(study, StageStore(store.root, report), progress, report)
-        yield lambda: fitted
+        yield Call(lambda: fitted)
         return
     require_network()
     report(f"screening by {', '.join(study.screening.methods)} and calibration, beside what follows")
-    with beside(_fitted, study, StageStore(store.root), False, lambda line: None) as result:
-
-        def waiting() -> _Fitted:
-            report("screening and calibration: the rest of them")
-            return result()
-
-        yield waiting
+    with beside(_fitted, study, StageStore(store.root), False, lambda line: None) as call:
+        yield call
 
 
 def _fitted(study: Study, store: StageStore, progress: bool, report: Callable[[str], None]) -> _Fitted:

@@ -141,8 +141,8 @@ def _network(
     # on another number of threads sums are rounded differently, and training amplifies that
     with threadpool_limits(limits=_THREADS):
         screener.fit(training, contributions)
-    measured = error.transform(observation.values[None])
-    return screener.predict(measured)[0], n_simulations, n_failed
+        predicted = screener.predict(error.transform(observation.values[None]))[0]
+    return predicted, n_simulations, n_failed
 
 
 def _training_set(

@@ -1,4 +1,6 @@
+import os
 import re
+import time
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,7 +19,7 @@ from errorscreen.cases.demo import demo_recordings
 from errorscreen.exceptions import InputError
 from errorscreen.screening import RelativeThresholdSelector, TopKSelector
 from errorscreen.simulators import PlantSimulator
-from errorscreen.workflow import Study, build_result, run_study, write_outputs
+from errorscreen.workflow import Study, build_result, run, run_study, write_outputs
 from errorscreen.workflow.demo import demo_study
 from errorscreen.workflow.screen import selector
 from tests.plants import dip
@@ -39,6 +41,31 @@ def quick_study(seed=0, sections=QUICK, **options):
 @pytest.fixture(scope="module")
 def outcome(tmp_path_factory):
     return run_study(quick_study(), tmp_path_factory.mktemp("out"))
+
+
+def failing(study, store, progress, report):
+    raise InputError(f"meant by process {os.getpid()}")
+
+
+def test_what_fails_beside_the_search_ends_it(tmp_path, monkeypatch):
+    """It is told at the next line of the search, and comes from another process."""
+
+    def searched(study, store, report):
+        for _ in range(600):
+            report("another line")
+            time.sleep(0.1)
+
+    monkeypatch.setattr(run, "_fitted", failing)
+    monkeypatch.setattr(run, "_discovered", searched)
+    with_network = SimpleNamespace(**vars(QUICK))
+    with_network.screening = ScreeningSection(methods=["cnn"])
+    with_network.discovery = DiscoverySection()
+    with pytest.raises(InputError, match="meant by process") as caught:
+        run_study(quick_study(sections=with_network), tmp_path)
+    assert f"process {os.getpid()}" not in str(caught.value)
+    # without a search there is nothing beside which it could run
+    with pytest.raises(InputError, match=f"meant by process {os.getpid()}"):
+        run_study(quick_study(), tmp_path)
 
 
 def test_the_fingerprint_of_a_stage_knows_everything_that_it_depends_on():
