@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from errorscreen.events import Event
 from errorscreen.exceptions import InputError
 from errorscreen.observations import Observation
 from errorscreen.parameters import ParameterSpace
@@ -58,6 +60,38 @@ def check_recording(item: Any) -> Recording:
     if isinstance(item, Recording):
         return item
     raise InputError(f"a {type(item).__name__} is not a recording", allowed="Recording, Observation")
+
+
+def observed_after(
+    recording: Any, event: Event, channels: tuple[str, ...], units: tuple[str, ...]
+) -> Observation:
+    """Observation of a recording on some channels and the time axis of what happened; what it lacks is a gap.
+
+    Raises
+    ------
+    InputError
+        If it has none of the channels, one in another unit than pu, or is not a recording.
+    """
+    recording = check_recording(recording)
+    where = f"recording {recording.name!r}"
+    found = [name for name in channels if name in recording.channels]
+    if not found:
+        raise InputError(
+            f"its channels are {', '.join(recording.channels)}", where=where, allowed=", ".join(channels)
+        )
+    for name in found:
+        if recording.channels[name].unit != "pu":
+            raise InputError(
+                f"channel {name!r} is in {recording.channels[name].unit!r}", where=where, allowed="pu"
+            )
+    source = recording.resample(time=event.time)
+    values, noise = np.full((len(channels), len(event.time)), np.nan), np.ones(len(channels))
+    for name in found:
+        r = channels.index(name)
+        values[r], noise[r] = source.channels[name].values, source.channels[name].noise
+    return Observation(
+        replace(event, name=recording.name), values, noise, channels, units, tuple(source.assumptions)
+    )
 
 
 def settled_observations(simulator: Simulator, recordings: Any) -> list[Observation]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -39,8 +38,8 @@ from errorscreen.simulators.grid_unit import (
     at_terminals,
     check_terminals,
 )
-from errorscreen.simulators.observations import check_recording
-from errorscreen.simulators.recent import Recent
+from errorscreen.simulators.observations import observed_after
+from errorscreen.simulators.recent import Recent, RecentRows
 
 #: a channel beyond this is not that of a grid, in pu
 _PLAUSIBLE = 1e3
@@ -166,7 +165,7 @@ class PowerSystemSimulator(Simulator):
         self._flows: dict[float, LoadFlow] = {}
         self._reducers: dict[float, Reducer] = {}
         self._terminal_values: dict[float, AtTerminals] = {}
-        self._recent = Recent()
+        self._recent, self._recent_starts = Recent(), RecentRows()
         self._reducer(event).anew(self._flow(event).network)  # an unknown bus, or no solution, shows here
 
     def __repr__(self) -> str:
@@ -219,7 +218,7 @@ class PowerSystemSimulator(Simulator):
         theta = self.parameters.validate(theta)
         x0, constants, start, values, h, every = self._prepared(theta, event)
         tables, segment, possible = self._courses(theta, event, h, every)
-        start &= possible
+        start = start & possible
         steps = every * (len(event.time) - 1)
         # a measurement sees every step, and not only the instants that are compared
         present = self._present(event)
@@ -313,8 +312,16 @@ class PowerSystemSimulator(Simulator):
         """What a simulation needs to begin, see `Prepared`."""
         every = max(1, int(np.ceil(event.dt / self.step - 1e-9)))
         h = event.dt / every
-        values, feasible = self._start(theta, event, h)
-        return *starting(self._engine.model, values, feasible, len(theta)), values, h, every
+        begin = min(event.start, event.time[-1] - event.dt) - event.time[0]
+        instants = float(begin), float(event.time[-1] - event.time[0])
+
+        def start() -> tuple[Any, ...]:
+            values, feasible = self._start(theta, event, instants, h)
+            return *starting(self._engine.model, values, feasible, len(theta)), values
+
+        acting = tuple(effect.acts_in(event) for effect in self.extensions)
+        model, known = (self.parameters, self.extensions), (event.level, instants, h, acting)
+        return *self._recent_starts.get(theta, model, known, start), h, every
 
     def observe(self, recording: Any, event: Event | None = None) -> Observation:
         """Bring a recording onto this simulator's channels and the time axis of what happened.
@@ -335,29 +342,7 @@ class PowerSystemSimulator(Simulator):
         """
         if isinstance(recording, Observation):
             return recording
-        recording = check_recording(recording)
-        where = f"recording {recording.name!r}"
-        found = [name for name in self.channels if name in recording.channels]
-        if not found:
-            raise InputError(
-                f"its channels are {', '.join(recording.channels)}",
-                where=where,
-                allowed=", ".join(self.channels),
-            )
-        for name in found:
-            if recording.channels[name].unit != "pu":
-                raise InputError(
-                    f"channel {name!r} is in {recording.channels[name].unit!r}", where=where, allowed="pu"
-                )
-        event = self.event if event is None else event
-        source = recording.resample(time=event.time)
-        values = np.full((len(self.channels), len(event.time)), np.nan)
-        noise = np.ones(len(self.channels))
-        for name in found:
-            r = self.channels.index(name)
-            values[r], noise[r] = source.channels[name].values, source.channels[name].noise
-        event = replace(event, name=recording.name)
-        return Observation(event, values, noise, self.channels, self.units, tuple(source.assumptions))
+        return observed_after(recording, self.event if event is None else event, self.channels, self.units)
 
     def _terminals(self) -> list[int]:
         """Buses of all currents, in the order of the model."""
@@ -373,20 +358,22 @@ class PowerSystemSimulator(Simulator):
         return self._flows[event.level]
 
     def _start(
-        self, theta: NDArray[np.float64], event: GridEvent, h: float
+        self, theta: NDArray[np.float64], event: GridEvent, instants: tuple[float, float], h: float
     ) -> tuple[Values, NDArray[np.bool_]]:
-        """All states and constants by name, each of shape (n,) or (), and where an equilibrium exists."""
+        """All states and constants by name, each of shape (n,) or (), and where an equilibrium exists.
+
+        It depends on nothing of the event but its level, which effects act in it, and when it begins and ends.
+        """
         machines, powers = self._at_terminals(event)
         values: Values = {"f0": np.array(self.f0), **machines}
         feasible = np.ones(len(theta), dtype=bool)
         given = self._named(theta, event)
-        begin = min(event.start, event.time[-1] - event.dt) - event.time[0]
-        instants = {"t_event": np.array(begin), "t_stop": np.array(event.time[-1] - event.time[0])}
+        clock = {name: np.array(t) for name, t in zip(("t_event", "t_stop"), instants, strict=True)}
         of_device: dict[str, Values] = {}
         for item, (size, voltage, power) in zip(self._items, powers, strict=True):
             own, possible = at_rest(item, given, size, voltage, power, self.f0)
             values |= {qualified(item.model.name, k): v for k, v in own.items()}
-            of_device[item.model.name] = own | instants
+            of_device[item.model.name] = own | clock
             feasible = feasible & possible
         values |= self._off | given
         started = start_effects(self._inside, values, lambda effect: of_device[effect.device], h)

@@ -1,14 +1,19 @@
-"""Results for the last few events, because a search simulates the same recordings over and over."""
+"""Results for the last few events and rows: a search simulates the same recordings over and over."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from errorscreen.events import Event
 
 #: results that are kept; searches rarely have more recordings at once, with parts of them in several threads
 _KEPT = 32
+#: sets of rows that are kept, a few for each thread, and rows of those that are worth their memory
+_KEPT_SETS, _MOST_ROWS = 8, 1024
 
 
 class Recent:
@@ -46,4 +51,56 @@ class Recent:
                 return value
         value = compute()
         self._found = [(key, value), *self._found[: _KEPT - 1]]
+        return value
+
+
+class RecentRows:
+    """Keeps what was computed for the last few sets of rows, because one is simulated for several recordings in turn.
+
+    What is kept must not be changed. Copies and pickles begin empty.
+
+    Examples
+    --------
+    >>> recent, model = RecentRows(), object()
+    >>> recent.get(np.ones((1, 2)), (model,), (0.1,), lambda: print("computed") or 7)
+    computed
+    7
+    >>> recent.get(np.ones((1, 2)), (model,), (0.1,), lambda: 8)
+    7
+    """
+
+    def __init__(self) -> None:
+        self._found: list[tuple[NDArray[np.float64], tuple[Any, ...], tuple[Any, ...], Any]] = []
+
+    def __reduce__(self) -> tuple[type[RecentRows], tuple[()]]:
+        return RecentRows, ()
+
+    def get(
+        self,
+        rows: NDArray[np.float64],
+        objects: tuple[Any, ...],
+        key: tuple[Any, ...],
+        compute: Callable[[], Any],
+    ) -> Any:
+        """Return what was computed for rows, objects and further settings, or compute it.
+
+        Parameters
+        ----------
+        rows : ndarray of shape (n, m)
+            Compared by value.
+        objects : tuple
+            Recognised as the same objects, which do not change.
+        key : tuple
+            Compared by value.
+        compute : callable
+            Without arguments.
+        """
+        if len(rows) > _MOST_ROWS:
+            return compute()
+        for known, owners, settings, value in self._found:
+            same = all(a is b for a, b in zip(owners, objects, strict=True)) and settings == key
+            if same and np.array_equal(known, rows):
+                return value
+        value = compute()
+        self._found = [(rows.copy(), objects, key, value), *self._found[: _KEPT_SETS - 1]]
         return value

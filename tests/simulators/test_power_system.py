@@ -73,6 +73,36 @@ def test_the_grid_of_a_recorded_event_is_reduced_once(monkeypatch):
     assert reduced[-1] == 1  # a fault that lasts longer is the same grid
 
 
+def test_parameter_vectors_start_once_for_several_recordings_and_from_where_each_began(monkeypatch):
+    began = []
+    plain = power_system.starting
+    monkeypatch.setattr(power_system, "starting", lambda *args: (began.append(args[-1]), plain(*args))[1])
+    other = BusFault(TIME, "other", 0.5, bus=5, duration=0.1)
+    heavy, late = replace(other, level=1.1, name="heavy"), replace(other, start=0.7, name="late")
+    simulator = system(further=(other, heavy, late)).extend("synchronous_machine.oscillation@other")
+    theta = random_rows(simulator, 3)
+    events = [FAULT, other, replace(FAULT, name="again"), heavy, late]
+    found = [simulator.simulate(theta, event).values for event in events]
+    # the third begins as the first one does; in the second the oscillation acts
+    assert began == [3, 3, 3, 3]
+    alone = [system(further=events[1:]).extend("synchronous_machine.oscillation@other") for _ in events]
+    for event, values, fresh in zip(events, found, alone, strict=True):
+        assert np.array_equal(values, fresh.simulate(theta, event).values)
+    changed = theta.copy()
+    changed[0, 0] *= 1.01
+    began.clear()
+    assert not np.array_equal(simulator.simulate(changed).values, found[0])
+    assert began == [3]
+    # copies with other effects have starts of their own
+    began.clear()
+    rows = np.c_[theta, np.full((3, 2), 0.1)]  # of time constant and shape
+    active, reactive = (
+        simulator.extend(f"pv_plant.lag_{power}").simulate(rows).values for power in ("active", "reactive")
+    )
+    assert not np.array_equal(active, reactive)
+    assert began == [3, 3]
+
+
 def test_contract():
     check_simulator(system(), n=5)
 

@@ -1,11 +1,13 @@
-"""What was computed for the last events is kept, and nothing else."""
+"""What was computed for the last events and rows is kept, and nothing else."""
 
 import copy
 import pickle
 
+import numpy as np
+
 from errorscreen.events import InputSignal
 from errorscreen.simulators import recent as recent_module
-from errorscreen.simulators.recent import Recent
+from errorscreen.simulators.recent import Recent, RecentRows
 
 
 def event(name="step"):
@@ -36,3 +38,28 @@ def test_copies_begin_empty():
     for twin in (pickle.loads(pickle.dumps(recent)), copy.copy(recent), copy.deepcopy(recent)):
         assert twin.get((one,), lambda: "new") == "new"
     assert recent.get((one,), lambda: "new") == "kept"
+
+
+def test_the_same_rows_of_the_same_model_are_computed_once():
+    recent, model, rows = RecentRows(), (object(),), np.arange(6.0).reshape(2, 3)
+    assert recent.get(rows, model, (1,), lambda: "first") == "first"
+    assert recent.get(rows.copy(), model, (1,), lambda: "again") == "first"
+    assert recent.get(rows, model, (2,), lambda: "another setting") == "another setting"
+    assert recent.get(rows, (object(),), (1,), lambda: "another model") == "another model"
+    assert recent.get(rows[:1], model, (1,), lambda: "fewer") == "fewer"
+    rows[1, 1] += 1e-12  # in place
+    assert recent.get(rows, model, (1,), lambda: "changed") == "changed"
+    for twin in (pickle.loads(pickle.dumps(recent)), copy.copy(recent), copy.deepcopy(recent)):
+        assert twin.get(rows, model, (1,), lambda: "new") == "new"
+
+
+def test_a_few_sets_of_rows_are_kept_and_no_large_one():
+    recent, model = RecentRows(), (object(),)
+    sets = [np.full((1, 2), float(k)) for k in range(recent_module._KEPT_SETS + 1)]
+    for k, rows in enumerate(sets):
+        recent.get(rows, model, (), lambda k=k: k)
+    assert [recent.get(rows, model, (), lambda: "new") for rows in sets[1:]] == list(range(1, len(sets)))
+    assert recent.get(sets[0], model, (), lambda: "new") == "new"
+    large = np.zeros((recent_module._MOST_ROWS + 1, 1))
+    assert recent.get(large, model, (), lambda: "first") == "first"
+    assert recent.get(large, model, (), lambda: "again") == "again"
