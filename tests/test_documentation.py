@@ -24,7 +24,16 @@ ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 GUIDE = sorted((DOCS / "guide").glob("*.md"))
 #: modules beside the packages that are for the package's own use
-INTERNAL = {"__main__", "checkpoint", "network", "persistence", "preparation", "resampling", "threads"}
+INTERNAL = {
+    "__main__",
+    "checkpoint",
+    "network",
+    "persistence",
+    "preparation",
+    "processes",
+    "resampling",
+    "threads",
+}
 #: numpydoc: no docstring, sections unknown or out of order, parameters that do not exist or have no type
 CHECKS = {"GL06", "GL07", "GL08", "PR02", "PR06", "RT02", "SS01"}
 
