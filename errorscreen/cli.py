@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import gc
 import io
 import os
 import shutil
@@ -78,7 +77,6 @@ def script() -> None:
         signal.signal(signal.SIGINT, _interrupt)
     code = main()
     if code == INTERRUPTED:
-        gc.collect()  # locks that a process beside this one shared are given back with what held them
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(code)

@@ -14,9 +14,9 @@ from functools import partial
 from typing import Generic, ParamSpec, TypeVar
 
 import cloudpickle
-from loky import (
-    ProcessPoolExecutor,
-)  # unlike the standard library's it does not run the caller's script again
+
+# unlike the standard library's it does not run the caller's script again
+from loky import ProcessPoolExecutor
 from tqdm import tqdm
 
 #: seconds between two looks at whether the parent is still there
@@ -26,44 +26,40 @@ _T = TypeVar("_T")
 
 
 class Call(Generic[_T]):
-    """What a call returns that another process makes, or this one where no other can.
+    """A call that another process makes.
 
     Parameters
     ----------
-    here : callable
-        Makes the call in this process.
-    future : Future, optional
-        Its result and its warnings from the other process.
+    future : Future
+        Its result and its warnings.
     """
 
-    def __init__(
-        self, here: Callable[[], _T], future: Future[tuple[_T, list[Warning | str]]] | None = None
-    ) -> None:
-        self._here, self._future = here, future
+    def __init__(self, future: Future[tuple[_T, list[Warning | str]]]) -> None:
+        self._future = future
 
     @property
     def done(self) -> bool:
-        """Whether nothing goes on in another process."""
-        return self._future is None or self._future.done()
+        """Whether nothing goes on any more."""
+        return self._future.done()
 
     def check(self) -> None:
-        """Raise what the call has raised in the other process, if it has ended so."""
-        if self._future is not None and self.done:
+        """Raise what the call has raised, if it has ended so."""
+        if self.done:
             with suppress(BrokenExecutor):
                 self._future.result()
 
     def result(self) -> _T:
         """Wait for the result and return it, with the warnings of the call, or raise what it has raised.
 
-        It is made here where the other process could not begin, or was killed.
+        Raises
+        ------
+        BrokenExecutor
+            If the process could not begin, or was killed: the call can still be made here.
         """
-        if self._future is not None:
-            with suppress(BrokenExecutor):
-                found, warned = self._future.result()
-                for warning in warned:
-                    warnings.warn(warning, stacklevel=2)
-                return found
-        return self._here()
+        found, warned = self._future.result()
+        for warning in warned:
+            warnings.warn(warning, stacklevel=2)
+        return found
 
 
 @contextmanager
@@ -92,15 +88,18 @@ def beside(function: Callable[_P, _T], *args: _P.args, **kwargs: _P.kwargs) -> I
     >>> here, there
     (45, 1024)
     """
-    here, pool, future = partial(function, *args, **kwargs), None, None
-    # whatever stands in the way of another process (what cannot be copied, no memory, no right to begin one inside of a
-    # worker), the call can be made here
-    with suppress(Exception):
-        task = cloudpickle.dumps(here)
-        pool = ProcessPoolExecutor(1, initializer=_prepare, initargs=(os.getpid(),))
-        future = pool.submit(_recorded, task)
+    future: Future[tuple[_T, list[Warning | str]]] = Future()
+    pool = None
     try:
-        yield Call(here, future)
+        try:
+            task = cloudpickle.dumps(partial(function, *args, **kwargs))
+            pool = ProcessPoolExecutor(1, initializer=_prepare, initargs=(os.getpid(),))
+            future = pool.submit(_recorded, task)
+        except (
+            Exception
+        ) as error:  # what cannot be copied, no memory, no right to begin a process inside of a worker
+            future.set_exception(BrokenExecutor(f"no process could begin: {error}"))
+        yield Call(future)
     finally:
         if pool is not None:
             pool.shutdown(kill_workers=True)

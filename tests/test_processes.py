@@ -7,17 +7,17 @@ import sys
 import threading
 import time
 import warnings
+from concurrent.futures import BrokenExecutor
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from errorscreen import processes
 from errorscreen.exceptions import DataWarning, InputError
 from errorscreen.processes import beside
 
 HERE = os.getpid()
-
-
 POSIX = pytest.mark.skipif(
     os.name == "nt", reason="Windows has other signals, and does not tell of dead parents"
 )
@@ -99,20 +99,37 @@ def test_warnings_arrive_with_the_result():
         assert call.result() == 1
 
 
-def test_what_cannot_be_copied_is_called_here():
+def test_what_cannot_be_copied_is_told_apart_from_errors_of_the_call():
     lock = threading.Lock()
-    with beside(lambda: (lock.locked(), os.getpid())) as call:
-        assert call.result() == (False, HERE)
+    with beside(lambda: lock.locked()) as call:
+        call.check()
+        with pytest.raises(BrokenExecutor, match=r"no process could begin: cannot pickle .*lock"):
+            call.result()
 
 
-def test_a_process_that_is_killed_is_made_up_for_here():
-    def last():
-        if os.getpid() != HERE:
-            os._exit(1)
-        return os.getpid()
+def test_so_is_a_process_that_is_killed():
+    with beside(os._exit, 1) as call:
+        with pytest.raises(BrokenExecutor):
+            call.result()
+        call.check()
 
-    with beside(last) as call:
-        assert call.result() == HERE
+
+def test_an_interrupt_while_it_begins_leaves_no_process(monkeypatch):
+    ended = []
+
+    class Interrupted(processes.ProcessPoolExecutor):
+        def submit(self, *args, **kwargs):
+            super().submit(*args, **kwargs)
+            raise KeyboardInterrupt
+
+        def shutdown(self, **options):
+            ended.append(options)
+            super().shutdown(**options)
+
+    monkeypatch.setattr(processes, "ProcessPoolExecutor", Interrupted)
+    with pytest.raises(KeyboardInterrupt), beside(time.sleep, 600):
+        pass
+    assert ended == [{"kill_workers": True}]
 
 
 @POSIX

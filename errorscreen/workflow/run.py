@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,7 +17,7 @@ from errorscreen.discovery import Verdict, channel_fits, stage_errors
 from errorscreen.events import Playback
 from errorscreen.exceptions import InputError, SimulationError
 from errorscreen.observations import Observation
-from errorscreen.processes import Call, beside
+from errorscreen.processes import beside
 from errorscreen.regressors import require_network
 from errorscreen.simulators.base import REMEDIES, Simulator, Status
 from errorscreen.workflow.calibrate import calibrate_map, calibrate_pso
@@ -64,19 +65,17 @@ def run_study(
     start, started = perf_counter(), datetime.now(UTC).isoformat(timespec="seconds")
     store = StageStore(Path(out) / "stages", report)
     before = tuple(_nominal(study.simulator, o) for o in study.observations)
-    with _fitting(study, store, progress, report) as fitting:
-
-        def tell(line: str) -> None:
-            fitting.check()  # the rest of a long search would be for nothing
-            report(line)
-
+    with _fitting(study, store, progress, report) as (check, fit):
         discovered = None
         if study.discovery.enabled:
+
+            def tell(line: str) -> None:
+                check()  # the rest of a long search would be for nothing
+                report(line)
+
             report("discovery: what parameters cannot explain")
             discovered = _discovered(study, store, tell)
-        if not fitting.done:
-            report("screening and calibration: what is left of them")
-        fitted = fitting.result()
+        fitted = fit()
     verdict = fitted.verdict if discovered is None else Verdict(**discovered.meta["verdict"])
     return Outcome(
         study,
@@ -105,20 +104,34 @@ class _Fitted(NamedTuple):
 @contextmanager
 def _fitting(
     study: Study, store: StageStore, progress: bool, report: Callable[[str], None]
-) -> Iterator[Call[_Fitted]]:
+) -> Iterator[tuple[Callable[[], None], Callable[[], _Fitted]]]:
     """Screen and calibrate, beside the search for causes where a network is to be trained and causes are searched.
 
-    The search takes longer, needs nothing of it, and leaves cores idle while it is in the interpreter.
+    The search takes longer, needs nothing of it, and leaves cores idle while it is in the interpreter. Yields what
+    raises errors that have come up by then, and what waits for the result.
     """
+
+    def here() -> _Fitted:
+        return _fitted(study, StageStore(store.root, report), progress, report)
+
     trained = store.has("screening-cnn", study.fingerprint("screening"))
     if trained or "cnn" not in study.screening.methods or not study.discovery.enabled:
-        fitted = _fitted(study, StageStore(store.root, report), progress, report)
-        yield Call(lambda: fitted)
+        fitted = here()
+        yield lambda: None, lambda: fitted
         return
     require_network()
     report(f"screening by {', '.join(study.screening.methods)} and calibration, beside what follows")
     with beside(_fitted, study, StageStore(store.root), False, lambda line: None) as call:
-        yield call
+
+        def rest() -> _Fitted:
+            if not call.done:
+                report("screening and calibration: what is left of them")
+            try:
+                return call.result()
+            except BrokenExecutor:
+                return here()
+
+        yield call.check, rest
 
 
 def _fitted(study: Study, store: StageStore, progress: bool, report: Callable[[str], None]) -> _Fitted:

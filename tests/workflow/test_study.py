@@ -43,6 +43,15 @@ def outcome(tmp_path_factory):
     return run_study(quick_study(), tmp_path_factory.mktemp("out"))
 
 
+#: what is screened and calibrated beside the search
+WITH_NETWORK = SimpleNamespace(
+    screening=ScreeningSection(methods=["cnn"]),
+    calibration=QUICK.calibration,
+    discovery=DiscoverySection(),
+    run=RunSection(),
+)
+
+
 def failing(study, store, progress, report):
     raise InputError(f"meant by process {os.getpid()}")
 
@@ -57,15 +66,28 @@ def test_what_fails_beside_the_search_ends_it(tmp_path, monkeypatch):
 
     monkeypatch.setattr(run, "_fitted", failing)
     monkeypatch.setattr(run, "_discovered", searched)
-    with_network = SimpleNamespace(**vars(QUICK))
-    with_network.screening = ScreeningSection(methods=["cnn"])
-    with_network.discovery = DiscoverySection()
     with pytest.raises(InputError, match="meant by process") as caught:
-        run_study(quick_study(sections=with_network), tmp_path)
+        run_study(quick_study(sections=WITH_NETWORK), tmp_path)
     assert f"process {os.getpid()}" not in str(caught.value)
     # without a search there is nothing beside which it could run
     with pytest.raises(InputError, match=f"meant by process {os.getpid()}"):
         run_study(quick_study(), tmp_path)
+
+
+def test_what_is_killed_beside_the_search_is_made_up_for_after_it(tmp_path, monkeypatch):
+    here, lines = os.getpid(), []
+
+    def killed(study, store, progress, report):
+        if os.getpid() != here:
+            os._exit(1)
+        report("made up for")
+        raise InputError("enough")
+
+    monkeypatch.setattr(run, "_fitted", killed)
+    monkeypatch.setattr(run, "_discovered", lambda study, store, report: report("searched"))
+    with pytest.raises(InputError, match="enough"):
+        run_study(quick_study(sections=WITH_NETWORK), tmp_path, report=lines.append)
+    assert lines.index("searched") < lines.index("made up for")
 
 
 def test_the_fingerprint_of_a_stage_knows_everything_that_it_depends_on():
