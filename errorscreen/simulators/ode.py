@@ -374,7 +374,7 @@ class ODESimulator(Simulator):
         def compute() -> _Array:
             return between_samples(event, self.inputs, every, self.interpolation)
 
-        return np.asarray(self._recent.get((event, every), compute))
+        return np.asarray(self._recent.get((event,), (every,), compute))
 
     def _driven_by(self, event: Event) -> InputSignal:
         """Return an event if it drives this model."""

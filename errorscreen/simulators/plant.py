@@ -285,7 +285,7 @@ class PlantSimulator(Simulator):
         def compute() -> NDArray[np.float64]:
             return driving_voltage(event, every, self.device.needs_angle, self.grid_impedance, *between)
 
-        return np.asarray(self._recent.get((event, every, *between), compute))
+        return np.asarray(self._recent.get((event,), (every, *between), compute))
 
     @one_blas_thread
     def _with_uncertainty(self, observation: Observation, recording: Recording) -> Observation:

@@ -39,10 +39,12 @@ from errorscreen.simulators.grid_unit import (
     check_terminals,
 )
 from errorscreen.simulators.observations import observed_after
-from errorscreen.simulators.recent import Recent, RecentRows
+from errorscreen.simulators.recent import Recent
 
 #: a channel beyond this is not that of a grid, in pu
 _PLAUSIBLE = 1e3
+#: sets of rows whose starts are kept, a few for each thread
+_STARTS = 8
 
 Values = dict[str, NDArray[np.float64]]
 
@@ -165,7 +167,7 @@ class PowerSystemSimulator(Simulator):
         self._flows: dict[float, LoadFlow] = {}
         self._reducers: dict[float, Reducer] = {}
         self._terminal_values: dict[float, AtTerminals] = {}
-        self._recent, self._recent_starts = Recent(), RecentRows()
+        self._recent, self._recent_starts = Recent(), Recent(_STARTS)
         self._reducer(event).anew(self._flow(event).network)  # an unknown bus, or no solution, shows here
 
     def __repr__(self) -> str:
@@ -287,7 +289,7 @@ class PowerSystemSimulator(Simulator):
             steps = every * (len(event.time) - 1)
             return tables_in_time(event, self._flow(event).network, self._tables(event), h, steps)
 
-        found: tuple[NDArray[np.float64], NDArray[np.int64]] = self._recent.get((event, h), course)
+        found: tuple[NDArray[np.float64], NDArray[np.int64]] = self._recent.get((event,), (h,), course)
         return found
 
     def _tables(self, event: GridEvent) -> Callable[[Sequence[Network]], NDArray[np.float64]]:
@@ -321,7 +323,7 @@ class PowerSystemSimulator(Simulator):
 
         acting = tuple(effect.acts_in(event) for effect in self.extensions)
         model, known = (self.parameters, self.extensions), (event.level, instants, h, acting)
-        return *self._recent_starts.get(theta, model, known, start), h, every
+        return *self._recent_starts.get(model, known, start, theta), h, every
 
     def observe(self, recording: Any, event: Event | None = None) -> Observation:
         """Bring a recording onto this simulator's channels and the time axis of what happened.

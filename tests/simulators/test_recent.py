@@ -7,7 +7,7 @@ import numpy as np
 
 from errorscreen.events import InputSignal
 from errorscreen.simulators import recent as recent_module
-from errorscreen.simulators.recent import Recent, RecentRows
+from errorscreen.simulators.recent import Recent
 
 
 def event(name="step"):
@@ -16,50 +16,52 @@ def event(name="step"):
 
 def test_the_same_event_and_settings_are_computed_once():
     recent, one, other = Recent(), event(), event()
-    assert recent.get((one, 2), lambda: "first") == "first"
-    assert recent.get((one, 2), lambda: "again") == "first"
-    assert recent.get((one, 3), lambda: "finer") == "finer"
-    assert recent.get((other, 2), lambda: "another object") == "another object"
+    assert recent.get((one,), (2,), lambda: "first") == "first"
+    assert recent.get((one,), (2,), lambda: "again") == "first"
+    assert recent.get((one,), (3,), lambda: "finer") == "finer"
+    assert recent.get((other,), (2,), lambda: "another object") == "another object"
 
 
 def test_several_recordings_are_kept_and_not_more():
     recent, events = Recent(), [event() for _ in range(recent_module._KEPT + 1)]
     for number, one in enumerate(events):
-        recent.get((one,), lambda number=number: number)
-    assert [recent.get((one,), lambda: "new") for one in events[1:]] == list(
+        recent.get((one,), (), lambda number=number: number)
+    assert [recent.get((one,), (), lambda: "new") for one in events[1:]] == list(
         range(1, recent_module._KEPT + 1)
     )
-    assert recent.get((events[0],), lambda: "new") == "new"
+    assert recent.get((events[0],), (), lambda: "new") == "new"
 
 
 def test_copies_begin_empty():
     recent, one = Recent(), event()
-    recent.get((one,), lambda: "kept")
+    recent.get((one,), (), lambda: "kept")
     for twin in (pickle.loads(pickle.dumps(recent)), copy.copy(recent), copy.deepcopy(recent)):
-        assert twin.get((one,), lambda: "new") == "new"
-    assert recent.get((one,), lambda: "new") == "kept"
+        assert twin.get((one,), (), lambda: "new") == "new"
+    assert recent.get((one,), (), lambda: "new") == "kept"
 
 
 def test_the_same_rows_of_the_same_model_are_computed_once():
-    recent, model, rows = RecentRows(), (object(),), np.arange(6.0).reshape(2, 3)
-    assert recent.get(rows, model, (1,), lambda: "first") == "first"
-    assert recent.get(rows.copy(), model, (1,), lambda: "again") == "first"
-    assert recent.get(rows, model, (2,), lambda: "another setting") == "another setting"
-    assert recent.get(rows, (object(),), (1,), lambda: "another model") == "another model"
-    assert recent.get(rows[:1], model, (1,), lambda: "fewer") == "fewer"
+    recent, model, rows = Recent(), (object(),), np.arange(6.0).reshape(2, 3)
+    assert recent.get(model, (1,), lambda: "first", rows) == "first"
+    assert recent.get(model, (1,), lambda: "again", rows.copy()) == "first"
+    assert recent.get(model, (2,), lambda: "another setting", rows) == "another setting"
+    assert recent.get((object(),), (1,), lambda: "another model", rows) == "another model"
+    assert recent.get(model, (1,), lambda: "fewer", rows[:1]) == "fewer"
     rows[1, 1] += 1e-12  # in place
-    assert recent.get(rows, model, (1,), lambda: "changed") == "changed"
-    for twin in (pickle.loads(pickle.dumps(recent)), copy.copy(recent), copy.deepcopy(recent)):
-        assert twin.get(rows, model, (1,), lambda: "new") == "new"
+    assert recent.get(model, (1,), lambda: "changed", rows) == "changed"
 
 
 def test_a_few_sets_of_rows_are_kept_and_no_large_one():
-    recent, model = RecentRows(), (object(),)
-    sets = [np.full((1, 2), float(k)) for k in range(recent_module._KEPT_SETS + 1)]
+    recent, model, sets = Recent(3), (object(),), [np.full((1, 2), float(k)) for k in range(4)]
     for k, rows in enumerate(sets):
-        recent.get(rows, model, (), lambda k=k: k)
-    assert [recent.get(rows, model, (), lambda: "new") for rows in sets[1:]] == list(range(1, len(sets)))
-    assert recent.get(sets[0], model, (), lambda: "new") == "new"
+        recent.get(model, (), lambda k=k: k, rows)
+    assert [recent.get(model, (), lambda: "new", rows) for rows in sets[1:]] == [1, 2, 3]
+    assert recent.get(model, (), lambda: "new", sets[0]) == "new"
     large = np.zeros((recent_module._MOST_ROWS + 1, 1))
-    assert recent.get(large, model, (), lambda: "first") == "first"
-    assert recent.get(large, model, (), lambda: "again") == "again"
+    assert recent.get(model, (), lambda: "first", large) == "first"
+    assert recent.get(model, (), lambda: "again", large) == "again"
+    # and as few by a copy
+    twin = copy.copy(recent)
+    for rows in sets:
+        twin.get(model, (), lambda: "old", rows)
+    assert twin.get(model, (), lambda: "new", sets[0]) == "new"
