@@ -1,4 +1,4 @@
-"""Exact minimum of a quadratic function inside bounds."""
+"""Exact minima of quadratic functions inside bounds."""
 
 from __future__ import annotations
 
@@ -10,24 +10,15 @@ from scipy.optimize import lsq_linear
 
 from errorscreen.exceptions import InputError
 
-#: guesses of what lies at a bound, before an algorithm that cannot cycle takes over
-_GUESSES = 30
-#: how guessing ended
-_FOUND, _NOT_FOUND, _INDEFINITE = 0, 1, 2
+#: guesses of what lies at a bound that may pass without fewer wrong ones than ever before, until one is changed at a
+#: time; and guesses for each number in all, before another algorithm takes over
+_PATIENCE, _GUESSES = 3, 10
 
 _Array = NDArray[np.float64]
 
 
-def bounded_minimum(
-    matrix: ArrayLike, slope: ArrayLike, lower: ArrayLike, upper: ArrayLike, near: ArrayLike | None = None
-) -> _Array:
+def bounded_minimum(matrix: ArrayLike, slope: ArrayLike, lower: ArrayLike, upper: ArrayLike) -> _Array:
     r"""Minimiser of :math:`\tfrac12 d^T A d + g^T d` inside bounds, for a positive definite matrix A.
-
-    An infeasible active set method: what would leave a bound is put there, what is pulled inwards from one is let go,
-    all at once, until nothing changes (K. Kunisch and F. Rendl, "An infeasible active set method for quadratic
-    problems with simple bounds", *SIAM Journal on Optimization* 14(1), 2003). That is exact, and takes a few
-    factorisations of the free part of A. It may cycle; then `scipy.optimize.lsq_linear` takes over, whose method
-    (BVLS) moves one variable at a time, with a singular value decomposition for each.
 
     Parameters
     ----------
@@ -36,8 +27,6 @@ def bounded_minimum(
     slope : array-like of shape (k,)
         g.
     lower, upper : array-like of shape (k,)
-    near : array-like of shape (k,), optional
-        Where a similar problem has its minimum: what lies at a bound there is put there first.
 
     Returns
     -------
@@ -55,35 +44,116 @@ def bounded_minimum(
     >>> bounded_minimum([[2.0, 0.0], [0.0, 1.0]], [-2.0, -3.0], [-1.0, -1.0], [5.0, 2.0])
     array([1., 2.])
     """
+    return damped_minima(matrix, slope, lower, upper, [0.0])[0]
+
+
+def damped_minima(
+    matrix: ArrayLike, slope: ArrayLike, lower: ArrayLike, upper: ArrayLike, dampings: ArrayLike
+) -> _Array:
+    r"""Minimisers of :math:`\tfrac12 d^T (A + \lambda_i I) d + g^T d` inside bounds, for several :math:`\lambda_i`.
+
+    An infeasible active set method: what would leave a bound is put there, what is pulled inwards from one is let go,
+    all at once, until nothing changes (K. Kunisch and F. Rendl, "An infeasible active set method for quadratic
+    problems with simple bounds", *SIAM Journal on Optimization* 14(1), 2003). That is exact, and takes a few
+    factorisations of the free part of A. It may cycle; then only the last one of what is wrong is changed, until less
+    is wrong than ever before (J. J. Júdice and F. M. Pires, "A block principal pivoting algorithm for large-scale
+    strictly monotone linear complementarity problems", *Computers & Operations Research* 21(5), 1994). Where rounding
+    leaves it open on which side of a bound something lies, that cycles, too: `scipy.optimize.lsq_linear` takes over.
+
+    Parameters
+    ----------
+    matrix : array-like of shape (k, k)
+        A.
+    slope : array-like of shape (k,)
+        g.
+    lower, upper : array-like of shape (k,)
+    dampings : array-like of shape (n,)
+        In an order in which similar ones follow each other: what lies at a bound at one minimum is put there first at
+        the next.
+
+    Returns
+    -------
+    ndarray of shape (n, k)
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError, InputError
+        See `bounded_minimum`.
+
+    Examples
+    --------
+    >>> damped_minima([[2.0, 0.0], [0.0, 1.0]], [-2.0, -3.0], [-1.0, -1.0], [5.0, 2.0], [0.0, 2.0])
+    array([[1. , 2. ],
+           [0.5, 1. ]])
+    """
     A, g = np.ascontiguousarray(matrix, dtype=float), np.ascontiguousarray(slope, dtype=float)
     low, high = np.ascontiguousarray(lower, dtype=float), np.ascontiguousarray(upper, dtype=float)
-    at = np.full(len(g), np.nan) if near is None else np.asarray(near, dtype=float)
-    if not (g.shape == low.shape == high.shape == at.shape and A.shape == 2 * g.shape):
+    added = np.ascontiguousarray(dampings, dtype=float)
+    if not (g.ndim == added.ndim == 1 and g.shape == low.shape == high.shape and A.shape == 2 * g.shape):
         raise InputError(f"the matrix has shape {A.shape}", allowed="(k, k), and vectors of k numbers")
-    side = (at >= high).astype(np.int64) - (at <= low)
-    d = np.empty(len(g))
-    end = _active_set(A, g, low, high, side, d, _GUESSES)
-    if end == _INDEFINITE:
-        raise np.linalg.LinAlgError("the matrix is not positive definite, or something is not finite")
-    if end == _FOUND:
-        return d
-    C = cholesky(A)
-    d = lsq_linear(C, -solve_triangular(C, g, trans="T"), bounds=(low, high), method="bvls").x
-    return np.clip(d, low, high)
+    d = np.full((len(added), len(g)), np.nan)
+    found = 0
+    while True:
+        found, definite = _minima(A, g, low, high, added, found, d, _PATIENCE, _GUESSES * len(g))
+        if not definite:
+            raise np.linalg.LinAlgError("the matrix is not positive definite, or something is not finite")
+        if found == len(d):
+            return d
+        C = cholesky(A + added[found] * np.eye(len(g)))
+        one = lsq_linear(C, -solve_triangular(C, g, trans="T"), bounds=(low, high), method="bvls").x
+        d[found] = np.clip(one, low, high)
+        found += 1
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def _minima(
+    A: _Array,
+    g: _Array,
+    low: _Array,
+    high: _Array,
+    added: _Array,
+    first: int,
+    d: _Array,
+    patience: int,
+    most: int,
+) -> tuple[int, bool]:
+    """Write the minima from number `first` on to d (n, k); how many are found, and whether A is positive definite.
+
+    It ends at the first that is not found. In one call, because handing over the interpreter's lock takes longer.
+    """
+    damped = A.copy()
+    for number in range(first, len(added)):
+        for i in range(len(g)):
+            damped[i, i] = A[i, i] + added[number]
+        before = d[max(number - 1, 0)]
+        side = (before >= high).astype(np.int64) - (before <= low)
+        end = _active_set(damped, g, low, high, side, d[number], patience, most)
+        if end != 0:
+            return number, end > 0
+    return len(added), True
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
 def _active_set(
-    A: _Array, g: _Array, low: _Array, high: _Array, side: NDArray[np.int64], d: _Array, guesses: int
+    A: _Array,
+    g: _Array,
+    low: _Array,
+    high: _Array,
+    side: NDArray[np.int64],
+    d: _Array,
+    patience: int,
+    most: int,
 ) -> int:
-    """Guess what lies at a bound until nothing changes, and say how that ended; d and side are changed.
+    """Guess what lies at a bound until nothing changes; d and side are changed.
 
-    `side` is -1 for what lies at its lower bound, 1 at its upper one, 0 for what is free. Written out, because the
-    systems are so small that what a library does around solving them takes ten times as long.
+    `side` is -1 for what lies at its lower bound, 1 at its upper one, 0 for what is free. Returns 0 if the minimum was
+    found, 1 if not, -1 if the matrix is not positive definite. Written out, because the systems are so small that what
+    a library does around solving them takes ten times as long.
     """
     k = len(g)
-    free, L, x = np.empty(k, np.int64), np.empty((k, k)), np.empty(k)
-    for _ in range(guesses):
+    free, wrong, L, x = np.empty(k, np.int64), np.empty(k, np.int64), np.empty((k, k)), np.empty(k)
+    fewest, left = k + 1, patience
+    for _ in range(most):
         m = 0
         for i in range(k):
             if side[i] == 0:
@@ -99,7 +169,7 @@ def _active_set(
                 rest -= L[a, b] * x[b]
             square = row[free[a]] - np.dot(L[a, :a], L[a, :a])
             if not square > 0.0:
-                return _INDEFINITE
+                return -1
             L[a, a] = np.sqrt(square)
             x[a] = rest / L[a, a]
         for a in range(m - 1, -1, -1):
@@ -109,17 +179,27 @@ def _active_set(
             x[a] = rest / L[a, a]
         for a in range(m):
             d[free[a]] = x[a]
-        found = True
+        count = 0
         for i in range(k):
             if not np.isfinite(d[i]):
-                return _INDEFINITE
-            new = side[i]
-            if side[i] == 0:
-                new = np.int64(d[i] > high[i]) - np.int64(d[i] < low[i])
-            elif not side[i] * (g[i] + np.dot(A[i], d)) < 0.0:
-                new = 0
-            found &= new == side[i]
-            side[i] = new
-        if found:
-            return _FOUND
-    return _NOT_FOUND
+                return -1
+            if _side(A, g, low, high, side, d, i) != side[i]:
+                wrong[count] = i
+                count += 1
+        if count == 0:
+            return 0
+        if count < fewest:
+            fewest, left = count, patience
+        else:
+            left -= 1
+        for i in wrong[:count] if left >= 0 else wrong[count - 1 : count]:
+            side[i] = _side(A, g, low, high, side, d, i)
+    return 1
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def _side(A: _Array, g: _Array, low: _Array, high: _Array, side: NDArray[np.int64], d: _Array, i: int) -> int:
+    """Side on which one number belongs, as far as its own value, or the pull on it at a bound, tells."""
+    if side[i] == 0:
+        return int(d[i] > high[i]) - int(d[i] < low[i])
+    return int(side[i]) if side[i] * (g[i] + np.dot(A[i], d)) < 0.0 else 0

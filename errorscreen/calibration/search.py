@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import solve_triangular
 
-from errorscreen.calibration.quadratic import bounded_minimum
+from errorscreen.calibration.quadratic import damped_minima
 from errorscreen.sampling import generator
 
 #: damping values tried in one batch, relative to the one that worked last
@@ -76,7 +76,7 @@ class BoundedSearch:
 
     Each iteration evaluates two batches for all starts together: the differences of the residuals z, and one
     trial point for each of seven damping values. A step is the exact minimiser of the damped linear
-    model inside the bounds (`bounded_minimum`), with the normal matrix scaled to unit diagonal and damped. A clipped
+    model inside the bounds (`damped_minima`), with the normal matrix scaled to unit diagonal and damped. A clipped
     Levenberg–Marquardt step is not: it gets stuck as soon as a bound is active.
 
     Differences are one-sided, which takes half the evaluations, until they lead no further, and central from
@@ -170,13 +170,16 @@ class BoundedSearch:
         """Move every active track once; return whether any is still active."""
         active = self._active()
         self._differentiate(active)
+        going_on = []
         for track in active:
-            track.promise = self.promise(track)
+            A, g = self.normal_equations(track)
+            track.promise = self._promise(track, A, g)
             if track.promise < self._tol * max(self._unit(track), self._beyond(track)):
                 self._stop(track, "converged")
-        active = [track for track in self._active() if track.jacobian is not None]
-        if active:
-            self._try_steps(active)
+            else:
+                going_on.append((track, A, g))
+        if going_on:
+            self._try_steps(going_on)
         return bool(self._active())
 
     def differentiate(self, tracks: list[Track]) -> None:
@@ -302,7 +305,9 @@ class BoundedSearch:
 
     def promise(self, track: Track) -> float:
         """How much the undamped linear model would lower the objective."""
-        A, g = self.normal_equations(track)
+        return self._promise(track, *self.normal_equations(track))
+
+    def _promise(self, track: Track, A: _Array, g: _Array) -> float:
         d = self._minima(track, A, g, [0.0])[0]
         return float(-(2 * g @ d + d @ A @ d))
 
@@ -311,18 +316,13 @@ class BoundedSearch:
         scale = np.sqrt(np.diag(A))
         A, g = A / np.outer(scale, scale), g / scale
         low, high = (self._lower - track.u) * scale, (self._upper - track.u) * scale
-        steps: list[_Array] = []
-        for damping in np.asarray(dampings, dtype=float):
-            damped = A + (damping + _JITTER) * np.eye(len(g))
-            steps.append(bounded_minimum(damped, g, low, high, steps[-1] if steps else None))
-        return np.array(steps) / scale
+        return damped_minima(A, g, low, high, np.asarray(dampings, dtype=float) + _JITTER) / scale
 
-    def _try_steps(self, tracks: list[Track]) -> None:
-        """Evaluate all damping values of all tracks in one batch and take the best of each."""
+    def _try_steps(self, systems: list[tuple[Track, _Array, _Array]]) -> None:
+        """Evaluate all damping values of all tracks in one batch, with their equations, and take the best of each."""
+        tracks = [track for track, *_ in systems]
         dampings = np.array([track.damping * _DAMPINGS for track in tracks])
-        steps = np.array(
-            [self._minima(t, *self.normal_equations(t), d) for t, d in zip(tracks, dampings, strict=True)]
-        )
+        steps = np.array([self._minima(*system, d) for system, d in zip(systems, dampings, strict=True)])
         trials = np.clip(np.array([t.u for t in tracks])[:, None] + steps, self._lower, self._upper)
         z = self._residuals(trials.reshape(-1, trials.shape[-1])).reshape(*trials.shape[:2], -1)
         for track, damping, trial, values in zip(tracks, dampings, trials, z, strict=True):

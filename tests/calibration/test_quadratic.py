@@ -2,35 +2,91 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import lsq_linear
 
 from errorscreen.calibration import quadratic as module
-from errorscreen.calibration.quadratic import bounded_minimum
+from errorscreen.calibration.quadratic import bounded_minimum, damped_minima
 from errorscreen.exceptions import InputError
+
+
+def drawn(seed, k, damping):
+    """Matrix of unit diagonal, slope and bounds."""
+    rng = np.random.default_rng(seed)
+    J = rng.standard_normal((k + 5, k)) * 10 ** rng.uniform(-3, 3, k)
+    A, g = J.T @ J, 3 * rng.standard_normal(k)
+    A = A / np.sqrt(np.outer(np.diag(A), np.diag(A))) + 10**damping * np.eye(k)
+    return A, g, -rng.uniform(0, 2, k), rng.uniform(0, 2, k)
 
 
 @given(
     seed=st.integers(0, 10**6),
     k=st.integers(1, 40),
     damping=st.floats(-9, 1),
-    guesses=st.sampled_from([0, 2, 30]),
+    # few guesses: another algorithm takes over; no patience: one at a time
+    patience=st.sampled_from([0, 3, 1000]),
+    guesses=st.sampled_from([0, 1, 10]),
 )
 @settings(max_examples=60, deadline=None)
-def test_the_minimum_inside_bounds_meets_the_optimality_conditions(seed, k, damping, guesses):
-    rng = np.random.default_rng(seed)
-    J = rng.standard_normal((k + 5, k)) * 10 ** rng.uniform(-3, 3, k)
-    A, g = J.T @ J, 3 * rng.standard_normal(k)
-    A = A / np.sqrt(np.outer(np.diag(A), np.diag(A))) + 10**damping * np.eye(k)
-    low, high = -rng.uniform(0, 2, k), rng.uniform(0, 2, k)
-    for near in (None, np.clip(rng.choice([-9.0, 0.0, 9.0], k), low, high)):
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(module, "_GUESSES", guesses)  # few of them: what cannot cycle takes over
-            d = bounded_minimum(A, g, low, high, near)
-        assert np.all((low <= d) & (d <= high))
-        pull = -(A @ d + g)  # outwards at a bound, zero inside
-        assert np.all(pull[d == low] <= 1e-6)
-        assert np.all(pull[d == high] >= -1e-6)
-        inside = (d > low + 1e-9) & (d < high - 1e-9)
-        np.testing.assert_allclose(pull[inside], 0, atol=1e-5)
+def test_the_minimum_inside_bounds_meets_the_optimality_conditions(seed, k, damping, patience, guesses):
+    A, g, low, high = drawn(seed, k, damping)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "_GUESSES", guesses)
+        patch.setattr(module, "_PATIENCE", patience)
+        d = bounded_minimum(A, g, low, high)
+    assert np.all((low <= d) & (d <= high))
+    pull = -(A @ d + g)  # outwards at a bound, zero inside
+    assert np.all(pull[d == low] <= 1e-6)
+    assert np.all(pull[d == high] >= -1e-6)
+    inside = (d > low + 1e-9) & (d < high - 1e-9)
+    np.testing.assert_allclose(pull[inside], 0, atol=1e-5)
+
+
+@given(
+    seed=st.integers(0, 10**6),
+    k=st.integers(1, 30),
+    dampings=st.lists(st.floats(0, 9), min_size=1, max_size=7),
+)
+@settings(max_examples=40, deadline=None)
+def test_minima_for_several_dampings_are_those_for_each_of_them(seed, k, dampings):
+    A, g, low, high = drawn(seed, k, -6.0)
+    alone = [bounded_minimum(A + damping * np.eye(k), g, low, high) for damping in dampings]
+    np.testing.assert_array_equal(damped_minima(A, g, low, high, dampings), alone)
+
+
+def test_what_another_algorithm_finds_is_followed_by_the_others(monkeypatch):
+    A, g, low, high = drawn(0, 6, -3.0)
+    dampings = [0.0, 0.1, 1.0]
+    expected = damped_minima(A, g, low, high, dampings)
+    monkeypatch.setattr(module, "_GUESSES", 0)
+    np.testing.assert_allclose(damped_minima(A, g, low, high, dampings), expected, atol=1e-9)
+
+
+def refuse(*args, **kwargs):
+    raise AssertionError("guessing has not ended")
+
+
+@pytest.mark.parametrize(
+    ("matrix", "slope"),
+    [
+        ([[13.1, 15, 10], [15, 18.1, 12], [10, 12, 8.1]], [-1, 5, -6]),
+        ([[18.1, 6, 8, -6], [6, 4.1, 2, 0], [8, 2, 4.1, -2], [-6, 0, -2, 14.1]], [6, -4, 6, 3]),
+    ],
+)
+def test_what_would_cycle_is_guessed_one_at_a_time(monkeypatch, matrix, slope):
+    one = np.ones(len(slope))
+    expected = lsq_linear(*square_root(matrix, slope), bounds=(-one, one), method="bvls").x
+    with monkeypatch.context() as patch:
+        patch.setattr(module, "lsq_linear", refuse)
+        np.testing.assert_allclose(bounded_minimum(matrix, slope, -one, one), expected, atol=1e-9)
+        patch.setattr(module, "_PATIENCE", 10**6)
+        with pytest.raises(AssertionError, match="guessing"):
+            bounded_minimum(matrix, slope, -one, one)
+
+
+def square_root(matrix, slope):
+    """C and b of |C d - b|² / 2, the same function but for a constant."""
+    C = np.linalg.cholesky(matrix).T
+    return C, -np.linalg.solve(C.T, slope)
 
 
 @pytest.mark.parametrize(
