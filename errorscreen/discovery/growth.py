@@ -44,10 +44,10 @@ _SCATTERED, _WIDTHS = 64, (0.5, 1.0, 3.0)
 _DRAWN = 64
 #: starts of each fit in the first round of a race, and in the second one
 _STARTS, _MORE_STARTS = 3, 16
+#: parts after which it is asked what is hopeless
+JUDGED = (3, 5, 7, 9, len(_PARTS))
 #: rounds of a race: after which part how many go on for each that is fitted to the end
-_FIRST, _SECOND = ((1, 8), (3, 2)), ((3, 1), (5, 1), (7, 1), (len(_PARTS), 1))
-#: parts after which it shows what is hopeless
-JUDGED = 3
+_FIRST, _SECOND = ((1, 8), (3, 2)), tuple((parts, 1) for parts in JUDGED)
 
 _Array = NDArray[np.float64]
 
@@ -191,7 +191,7 @@ def outgrown(
     threads : int
         Of which each has one fit at a time.
     hopeful : callable, optional
-        Whether it is worth going on with one that leads; asked once all have seen a fifth of the recordings.
+        Whether it is worth going on with one that leads; asked after the parts `JUDGED`.
     """
     begin = list(fits)
     grown: list[Growth] = []
@@ -201,10 +201,12 @@ def outgrown(
             well = attempted([partial(growth.run, parts) for growth in grown], threads)
             running = [(fit, one) for fit, one in zip(begin, well, strict=True) if one is not None]
             running = sorted(running, key=lambda pair: pair[1].objective)[: kept * n]
-            if hopeful is not None and parts >= JUDGED:
+            if hopeful is not None and parts in JUDGED:
                 running = [(fit, one) for fit, one in running if hopeful(one)]
             begin, grown = [fit for fit, _ in running], [one for _, one in running]
             tell(f"{len(grown)} of {len(well)} go on from {_PARTS[parts - 1][0]:.0%} of the recordings")
+            if not grown:
+                return []
     ended = [partial(halved, one.effects, one.problem, one.reached, one.step) for one in grown]
     return race(attempted(ended, threads), threads)
 

@@ -291,8 +291,9 @@ class Refinement(Standings):
 
         def starts() -> _Array:
             growth = begun(hypothesis, hypothesis.effects, problem, n, seed, step)
-            if len(hypothesis.effects) > 1 and not self._may_leave_noise(growth.run(JUDGED)):
-                return growth.reached[:0]
+            for parts in JUDGED:
+                if len(hypothesis.effects) > 1 and not self._may_leave_noise(growth.run(parts)):
+                    return growth.reached[:0]
             return growth.run().reached
 
         better = self._better(hypothesis, problem, starts, step=step)

@@ -12,6 +12,7 @@ from errorscreen.calibration import MAPCalibrator
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery import CauseFinder
 from errorscreen.discovery import competition as competition_module
+from errorscreen.discovery import refinement as refinement_module
 from errorscreen.discovery.competition import Competition
 from errorscreen.discovery.growth import begun
 from errorscreen.discovery.hypotheses import parameters_only
@@ -232,6 +233,29 @@ def test_other_starts_are_tried_so_many_times_in_all_and_no_more(spring):
     for times in (1, 1, 3, 3, 1):
         found._everywhere(found.base, times)
     assert lines.count("other starts of parameters") == 3
+
+
+@pytest.mark.parametrize(("names", "hopes"), [(LEAVES_LITTLE, 0), (LEAVES_LITTLE, 2), (LEAVES_LITTLE[:1], 0)])
+def test_other_starts_of_a_pair_end_as_soon_as_it_is_hopeless(names, hopes, monkeypatch):
+    simulator = oscillator(push(time=TIME), step=0.05)
+    known = {effect.name: effect for effect in simulator.effects}
+    observation = simulator.observe(recorded(NAMES, [0.45, 4.4, 0.6, 0.4], 2e-3))
+    found = competition(simulator, observation, max_effects=2)
+    fitted = found._refit([known[name] for name in names], found.base, [found.base], everywhere=False)
+    asked, followed = [], []
+
+    def hopeful(self, growth):
+        asked.append(growth.part.n_values)
+        return len(asked) <= hopes
+
+    monkeypatch.setattr(Competition, "_may_leave_noise", hopeful)
+    monkeypatch.setattr(Competition, "_escape", lambda self, hypotheses: list(hypotheses))
+    monkeypatch.setattr(refinement_module, "followed", lambda *args: followed.append(args))
+    found._everywhere(fitted)
+    single = len(names) == 1
+    assert len(asked) == (0 if single else hopes + 1)
+    assert asked == sorted(set(asked))  # of an ever longer part
+    assert bool(followed) == single
 
 
 @pytest.mark.parametrize(("minima", "adds", "times"), [(1, True, 0), (8, True, 2), (8, False, 0)])

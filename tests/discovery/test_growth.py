@@ -139,9 +139,12 @@ def test_what_is_hopeless_after_a_fifth_of_the_recordings_goes_no_further(spring
 
     (fit,) = outgrown(fits, 2, lambda line: None, hopeful=hopeful)
     assert fit.effects == (chosen[0],)
-    assert seen[:2] == 2 * [problems[0].until(0.2).n_values]
-    assert max(seen) < observation.mask.sum()
-    assert not outgrown(fits, 2, lambda line: None, hopeful=lambda growth: False)
+    # both in the first round, then what is left, again and again
+    asked = [0.2, 0.2, 0.2, 0.33, 0.5, 0.7, 0.85]
+    assert seen == [problems[0].until(share).n_values for share in asked]
+    told = []
+    assert not outgrown(fits, 2, told.append, hopeful=lambda growth: False)
+    assert told[-1] == "0 of 2 go on from 20% of the recordings"
 
 
 def test_what_cannot_be_simulated_does_not_end_a_race(spring, monkeypatch):
