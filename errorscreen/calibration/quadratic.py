@@ -11,8 +11,11 @@ from scipy.optimize import lsq_linear
 from errorscreen.exceptions import InputError
 
 #: guesses of what lies at a bound that may pass without fewer wrong ones than ever before, until one is changed at a
-#: time; and guesses for each number in all, before another algorithm takes over
+#: time; and guesses for each of k numbers, before another algorithm takes over
 _PATIENCE, _GUESSES = 3, 10
+#: of that algorithm: iterations for each of k numbers, and the relative decrease of the cost at which it may stop. The
+#: cost holds a constant that hides any decrease where A is nearly singular, so it goes on until nothing is wrong
+_ITERATIONS, _DECREASE = 100, 1e-300
 
 _Array = NDArray[np.float64]
 
@@ -27,6 +30,7 @@ def bounded_minimum(matrix: ArrayLike, slope: ArrayLike, lower: ArrayLike, upper
     slope : array-like of shape (k,)
         g.
     lower, upper : array-like of shape (k,)
+        Each lower bound below the upper one.
 
     Returns
     -------
@@ -57,8 +61,9 @@ def damped_minima(
     problems with simple bounds", *SIAM Journal on Optimization* 14(1), 2003). That is exact, and takes a few
     factorisations of the free part of A. It may cycle; then only the last one of what is wrong is changed, until less
     is wrong than ever before (J. J. Júdice and F. M. Pires, "A block principal pivoting algorithm for large-scale
-    strictly monotone linear complementarity problems", *Computers & Operations Research* 21(5), 1994). Where rounding
-    leaves it open on which side of a bound something lies, that cycles, too: `scipy.optimize.lsq_linear` takes over.
+    strictly monotone linear complementarity problems", *Computers & Operations Research* 21(5), 1994). Where ten
+    guesses for each number are not enough, as where rounding leaves it open on which side of a bound something lies,
+    `scipy.optimize.lsq_linear` takes over.
 
     Parameters
     ----------
@@ -78,7 +83,7 @@ def damped_minima(
     Raises
     ------
     numpy.linalg.LinAlgError, InputError
-        See `bounded_minimum`.
+        See `bounded_minimum`. Only the part of a matrix that is free at some guess is seen not to be positive definite.
 
     Examples
     --------
@@ -94,13 +99,16 @@ def damped_minima(
     d = np.full((len(added), len(g)), np.nan)
     found = 0
     while True:
-        found, definite = _minima(A, g, low, high, added, found, d, _PATIENCE, _GUESSES * len(g))
+        found, definite = _minima(A, g, low, high, added, found, d, _PATIENCE, _GUESSES * max(1, len(g)))
         if not definite:
             raise np.linalg.LinAlgError("the matrix is not positive definite, or something is not finite")
         if found == len(d):
             return d
         C = cholesky(A + added[found] * np.eye(len(g)))
-        one = lsq_linear(C, -solve_triangular(C, g, trans="T"), bounds=(low, high), method="bvls").x
+        one = lsq_linear(
+            C, -solve_triangular(C, g, trans="T"), bounds=(low, high), method="bvls",
+            tol=_DECREASE, max_iter=_ITERATIONS * len(g),
+        ).x  # fmt: skip
         d[found] = np.clip(one, low, high)
         found += 1
 

@@ -53,6 +53,27 @@ def test_minima_for_several_dampings_are_those_for_each_of_them(seed, k, damping
     np.testing.assert_array_equal(damped_minima(A, g, low, high, dampings), alone)
 
 
+def test_of_nothing_there_is_a_minimum():
+    assert damped_minima(np.zeros((0, 0)), [], [], [], [0.0, 1.0]).shape == (2, 0)
+
+
+def test_what_takes_over_finds_the_minimum_of_a_nearly_singular_function(monkeypatch):
+    """A constant in its cost is far larger than what is left to gain."""
+    for seed in range(100):
+        rng = np.random.default_rng(seed)
+        k = int(rng.integers(2, 31))
+        n = max(1, k // 2)
+        J = rng.standard_normal((k, n)) @ rng.standard_normal((n, k))
+        A, g = J.T @ J + 1e-6 * np.eye(k), 3 * rng.standard_normal(k)
+        low, high = -rng.uniform(0.1, 2, k), rng.uniform(0.1, 2, k)
+        values = []
+        for guesses in (300, 0):
+            monkeypatch.setattr(module, "_GUESSES", guesses)
+            d = bounded_minimum(A, g, low, high)
+            values.append(0.5 * d @ A @ d + g @ d)
+        assert values[1] == pytest.approx(values[0], rel=1e-9)
+
+
 def test_what_another_algorithm_finds_is_followed_by_the_others(monkeypatch):
     A, g, low, high = drawn(0, 6, -3.0)
     dampings = [0.0, 0.1, 1.0]

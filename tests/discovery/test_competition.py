@@ -12,6 +12,7 @@ from errorscreen.calibration import MAPCalibrator
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery import CauseFinder
 from errorscreen.discovery import competition as competition_module
+from errorscreen.discovery import growth as growth_module
 from errorscreen.discovery import refinement as refinement_module
 from errorscreen.discovery.competition import Competition
 from errorscreen.discovery.growth import begun
@@ -235,7 +236,9 @@ def test_other_starts_are_tried_so_many_times_in_all_and_no_more(spring):
     assert lines.count("other starts of parameters") == 3
 
 
-@pytest.mark.parametrize(("names", "hopes"), [(LEAVES_LITTLE, 0), (LEAVES_LITTLE, 2), (LEAVES_LITTLE[:1], 0)])
+@pytest.mark.parametrize(
+    ("names", "hopes"), [(LEAVES_LITTLE, 0), (LEAVES_LITTLE, 2), (LEAVES_LITTLE, 5), (LEAVES_LITTLE[:1], 0)]
+)
 def test_other_starts_of_a_pair_end_as_soon_as_it_is_hopeless(names, hopes, monkeypatch):
     simulator = oscillator(push(time=TIME), step=0.05)
     known = {effect.name: effect for effect in simulator.effects}
@@ -252,10 +255,10 @@ def test_other_starts_of_a_pair_end_as_soon_as_it_is_hopeless(names, hopes, monk
     monkeypatch.setattr(Competition, "_escape", lambda self, hypotheses: list(hypotheses))
     monkeypatch.setattr(refinement_module, "followed", lambda *args: followed.append(args))
     found._everywhere(fitted)
-    single = len(names) == 1
-    assert len(asked) == (0 if single else hopes + 1)
+    single, parts = len(names) == 1, len(growth_module.JUDGED)
+    assert len(asked) == (0 if single else min(hopes + 1, parts))
     assert asked == sorted(set(asked))  # of an ever longer part
-    assert bool(followed) == single
+    assert bool(followed) == (single or hopes >= parts)
 
 
 @pytest.mark.parametrize(("minima", "adds", "times"), [(1, True, 0), (8, True, 2), (8, False, 0)])
