@@ -16,6 +16,8 @@ _PATIENCE, _GUESSES = 3, 10
 #: of that algorithm: iterations for each of k numbers, and the relative decrease of the cost at which it may stop. The
 #: cost holds a constant that hides any decrease where A is nearly singular, so it goes on until nothing is wrong
 _ITERATIONS, _DECREASE = 100, 1e-300
+#: how guessing ended
+_FOUND, _NOT_FOUND, _INDEFINITE = 0, 1, 2
 
 _Array = NDArray[np.float64]
 
@@ -99,10 +101,10 @@ def damped_minima(
     d = np.full((len(added), len(g)), np.nan)
     found = 0
     while True:
-        found, definite = _minima(A, g, low, high, added, found, d, _PATIENCE, _GUESSES * max(1, len(g)))
-        if not definite:
+        found, end = _minima(A, g, low, high, added, found, d, _PATIENCE, _GUESSES * max(1, len(g)))
+        if end == _INDEFINITE:
             raise np.linalg.LinAlgError("the matrix is not positive definite, or something is not finite")
-        if found == len(d):
+        if end == _FOUND:
             return d
         C = cholesky(A + added[found] * np.eye(len(g)))
         one = lsq_linear(
@@ -124,10 +126,10 @@ def _minima(
     d: _Array,
     patience: int,
     most: int,
-) -> tuple[int, bool]:
-    """Write the minima from number `first` on to d (n, k); how many are found, and whether A is positive definite.
+) -> tuple[int, int]:
+    """Write the minima from number `first` on to d (n, k); how many there are then, and how guessing ended.
 
-    It ends at the first that is not found. In one call, because handing over the interpreter's lock takes longer.
+    It ends with the first that is not found. In one call, because handing over the interpreter's lock takes longer.
     """
     damped = A.copy()
     for number in range(first, len(added)):
@@ -136,9 +138,9 @@ def _minima(
         before = d[max(number - 1, 0)]
         side = (before >= high).astype(np.int64) - (before <= low)
         end = _active_set(damped, g, low, high, side, d[number], patience, most)
-        if end != 0:
-            return number, end > 0
-    return len(added), True
+        if end != _FOUND:
+            return number, end
+    return len(added), _FOUND
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
@@ -152,14 +154,13 @@ def _active_set(
     patience: int,
     most: int,
 ) -> int:
-    """Guess what lies at a bound until nothing changes; d and side are changed.
+    """Guess what lies at a bound until nothing changes, and say how that ended; d and side are changed.
 
-    `side` is -1 for what lies at its lower bound, 1 at its upper one, 0 for what is free. Returns 0 if the minimum was
-    found, 1 if not, -1 if the matrix is not positive definite. Written out, because the systems are so small that what
-    a library does around solving them takes ten times as long.
+    `side` is -1 for what lies at its lower bound, 1 at its upper one, 0 for what is free. Written out, because the
+    systems are so small that what a library does around solving them takes ten times as long.
     """
     k = len(g)
-    free, wrong, L, x = np.empty(k, np.int64), np.empty(k, np.int64), np.empty((k, k)), np.empty(k)
+    free, new, L, x = np.empty(k, np.int64), np.empty(k, np.int64), np.empty((k, k)), np.empty(k)
     fewest, left = k + 1, patience
     for _ in range(most):
         m = 0
@@ -177,7 +178,7 @@ def _active_set(
                 rest -= L[a, b] * x[b]
             square = row[free[a]] - np.dot(L[a, :a], L[a, :a])
             if not square > 0.0:
-                return -1
+                return _INDEFINITE
             L[a, a] = np.sqrt(square)
             x[a] = rest / L[a, a]
         for a in range(m - 1, -1, -1):
@@ -187,27 +188,25 @@ def _active_set(
             x[a] = rest / L[a, a]
         for a in range(m):
             d[free[a]] = x[a]
-        count = 0
+        count, last = 0, 0
         for i in range(k):
             if not np.isfinite(d[i]):
-                return -1
-            if _side(A, g, low, high, side, d, i) != side[i]:
-                wrong[count] = i
-                count += 1
+                return _INDEFINITE
+            new[i] = side[i]
+            if side[i] == 0:
+                new[i] = np.int64(d[i] > high[i]) - np.int64(d[i] < low[i])
+            elif not side[i] * (g[i] + np.dot(A[i], d)) < 0.0:
+                new[i] = 0
+            if new[i] != side[i]:
+                count, last = count + 1, i
         if count == 0:
-            return 0
+            return _FOUND
         if count < fewest:
             fewest, left = count, patience
         else:
             left -= 1
-        for i in wrong[:count] if left >= 0 else wrong[count - 1 : count]:
-            side[i] = _side(A, g, low, high, side, d, i)
-    return 1
-
-
-@numba.njit(nogil=True, cache=True, error_model="numpy")
-def _side(A: _Array, g: _Array, low: _Array, high: _Array, side: NDArray[np.int64], d: _Array, i: int) -> int:
-    """Side on which one number belongs, as far as its own value, or the pull on it at a bound, tells."""
-    if side[i] == 0:
-        return int(d[i] > high[i]) - int(d[i] < low[i])
-    return int(side[i]) if side[i] * (g[i] + np.dot(A[i], d)) < 0.0 else 0
+        if left >= 0:
+            side[:] = new
+        else:
+            side[last] = new[last]
+    return _NOT_FOUND

@@ -291,10 +291,9 @@ class Refinement(Standings):
 
         def starts() -> _Array:
             growth = begun(hypothesis, hypothesis.effects, problem, n, seed, step)
-            for parts in JUDGED:
-                if len(hypothesis.effects) > 1 and not self._may_leave_noise(growth.run(parts)):
-                    return growth.reached[:0]
-            return growth.run().reached
+            asked = JUDGED if len(hypothesis.effects) > 1 else ()
+            hopeful = all(self._may_leave_noise(growth.run(parts)) for parts in asked)
+            return growth.run().reached if hopeful else growth.reached[:0]
 
         better = self._better(hypothesis, problem, starts, step=step)
         self.n_simulations += problem.n_simulations
