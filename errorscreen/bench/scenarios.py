@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
 
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.discovery.hypotheses import PRIOR, linearised
+from errorscreen.discovery.hypotheses import JointFit
 from errorscreen.discovery.noise import by_recording
 from errorscreen.discovery.signatures import WIDE
 from errorscreen.effects import Effect
@@ -36,6 +35,8 @@ LEAST_SIZE = 3.0
 TRIES = 200
 #: how near a size is brought to the one that was drawn for it, as a factor, and in how many steps at most
 _NEAR, _SCALINGS = 1.1, 15
+#: iterations of the refit that measures a size; hardly one takes more
+_REFIT = 30
 
 _Array = NDArray[np.float64]
 #: observations of all events, the simulator to fit, responses without noise, and sizes of the effects
@@ -165,7 +166,7 @@ def draw_scenario(
     least: float,
     largest: float | None = None,
 ) -> Scenario:
-    """Draw what is hidden until each effect's own part is at least `least` times the noise, and record it.
+    """Draw what is hidden until what survives of each effect is at least `least` times the noise, and record it.
 
     With `largest`, a size between the two is drawn for each effect, evenly by order of magnitude, and its strength is
     brought to it.
@@ -353,8 +354,8 @@ def surviving(
 ) -> float:
     """Size of a change of the responses after all parameters have been refitted to it, in multiples of the noise.
 
-    The change is projected out of the tangent space of the parameters' sensitivities; the rms over the time after the
-    event is taken for each channel and recording, and the largest counts.
+    The simulator is fitted to its own responses with the change and without noise, from `theta` on. Of what it leaves,
+    the rms over the time after the event is taken for each channel and recording, and the largest counts.
 
     Parameters
     ----------
@@ -363,16 +364,21 @@ def surviving(
     observations : sequence of Observation
     change : sequence of ndarray of shape (R, L)
         One for each recording.
+
+    Raises
+    ------
+    SimulationError
+        If `theta` cannot be simulated.
     """
-    problem = FitProblem(simulator, list(observations))
+    changed = []
+    for o, c in zip(observations, change, strict=True):
+        response = simulator.simulate(theta, o.event).require_ok("the model without an effect").values[0]
+        changed.append(replace(o, values=np.where(o.mask, response + c, np.nan)))
+    problem = FitProblem(simulator, changed)
     u = (theta - problem.space.nominal) / problem.space.scales
-    _, J = linearised(problem, u)
-    z = np.concatenate(
-        [o.deviations(o.values + c)[o.mask] for c, o in zip(change, observations, strict=True)]
-    )
-    A = cho_factor(J.T @ J + np.eye(len(u)) / PRIOR**2)
-    left = z - J @ cho_solve(A, J.T @ z)
+    best = JointFit(simulator.extensions, problem, u).run(_REFIT).reached[0]
+    left = problem.residuals(problem.values(best))[0]
     return max(
         float(np.sqrt(np.mean(full[:, o.time >= o.event.start] ** 2, axis=1)).max())
-        for o, full in by_recording(observations, left)
+        for o, full in by_recording(changed, left)
     )
