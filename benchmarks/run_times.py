@@ -3,6 +3,7 @@
 ``python benchmarks/run_times.py OUT [SEED]``: hides causes in recordings as `errorscreen bench discovery` does, writes
 each scenario as text files with a case file, as a user has them, and runs the command on it in a new process. The first
 one of each case is run before, to compile. Let nothing else run. Cases and reports stay in OUT, with the table.
+``python benchmarks/run_times.py OUT CASE SEED NUMBER ...`` times scenarios of a study of that command instead.
 """
 
 import json
@@ -14,6 +15,7 @@ from time import perf_counter
 import numpy as np
 import pandas as pd
 
+from errorscreen.bench.discovery import CASES as STUDIED
 from errorscreen.bench.grid_scenarios import draw_grid_scenario
 from errorscreen.bench.plant_scenarios import draw_plant_scenario
 from errorscreen.bench.timing import machine
@@ -90,33 +92,54 @@ def run(folder):
     return perf_counter() - start, json.loads((out / "result.json").read_text(encoding="utf-8"))
 
 
-def main(out, seed=SEED):
-    """Time all of them, and write the table."""
-    lines = ["| | hidden | verdict | thousand simulations | seconds |", "|---|---|---|---|---|"]
+def timed(folder, case, kind, scenario):
+    """Line of the table for a scenario."""
+    write_case(folder, scenario)
+    seconds, result = run(folder)
+    found = ", ".join(cause["name"] for cause in result["verdict"]["causes"][:1])
+    simulations = result["run"]["n_simulations"] / 1e3
+    hidden = " + ".join(scenario.hidden) or "nothing"
+    cells = case, f"{kind}: `{hidden}`", result["verdict"]["kind"], f"{simulations:.0f}", f"{seconds:.0f}"
+    line = f"| {' | '.join(cells)} |"
+    print(line, found, flush=True)
+    return line
+
+
+def drawn(seed):
+    """Case, kind and scenario of all that is timed."""
     for case, (draw, kinds) in CASES.items():
         for k, kind in enumerate(kinds):
-            folder = Path(out) / f"{case.split('-')[0]}-{k}"
-            scenario = draw(np.random.SeedSequence([seed, k]), NOISE_DB, kind=kind)
+            yield case, kind, draw(np.random.SeedSequence([seed, k]), NOISE_DB, kind=kind)
+
+
+def studied(case, seed, numbers):
+    """The same of scenarios of a study."""
+    for number in map(int, numbers):
+        stream, _ = np.random.SeedSequence(int(seed), spawn_key=(number,)).spawn(2)
+        scenario = STUDIED[case][0](stream, NOISE_DB)
+        yield case, f"number {number}, {scenario.kind}", scenario
+
+
+def main(out, *asked):
+    """Time all of them, or those of a study, and write the table."""
+    lines = ["| | hidden | verdict | thousand simulations | seconds |", "|---|---|---|---|---|"]
+    if len(asked) > 1:
+        case, seed, *numbers = asked
+        scenarios = studied(case, seed, numbers)
+    else:
+        scenarios = drawn(int(asked[0]) if asked else SEED)
+    compiled = set()
+    for k, (case, kind, scenario) in enumerate(scenarios):
+        folder = Path(out) / str(k)
+        if case not in compiled:
             write_case(folder, scenario)
-            if k == 0:
-                run(folder)
-            seconds, result = run(folder)
-            found = ", ".join(cause["name"] for cause in result["verdict"]["causes"][:1])
-            simulations = result["run"]["n_simulations"] / 1e3
-            hidden = " + ".join(scenario.hidden) or "nothing"
-            cells = (
-                case,
-                f"{kind}: `{hidden}`",
-                result["verdict"]["kind"],
-                f"{simulations:.0f}",
-                f"{seconds:.0f}",
-            )
-            lines.append(f"| {' | '.join(cells)} |")
-            print(lines[-1], found, flush=True)
+            run(folder)
+            compiled.add(case)
+        lines.append(timed(folder, case, kind, scenario))
     on = machine()
-    lines.append(f"\nSeed {seed}, {NOISE_DB:g} dB, {on['cores']} cores ({on['processor']}), one run each.")
+    lines.append(f"\n{NOISE_DB:g} dB, {on['cores']} cores ({on['processor']}), one run each.")
     write_text_atomic(Path(out) / "table.md", "\n".join(lines) + "\n")
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:2], *(int(n) for n in sys.argv[2:]))
+    main(*sys.argv[1:])

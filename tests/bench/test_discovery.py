@@ -71,6 +71,23 @@ def test_no_change_that_parameters_make_survives_a_refit(device):
     assert surviving(hidden.simulator, hidden.theta, hidden.recordings, change) < 0.02
 
 
+@pytest.mark.parametrize("name", ["Xd", "Xd1", "Tj", "D"])
+def test_what_only_a_value_beyond_its_bound_would_make_survives_a_refit(name):
+    hidden = draw_plant_scenario(7, 40.0, kind="nothing", device="synchronous_machine")
+    j = hidden.simulator.parameters.index(name)
+    bound = hidden.simulator.parameters[name]
+    at_bound = hidden.theta.copy()
+    at_bound[j] = bound.upper
+    inside = at_bound.copy()
+    inside[j] -= 0.1 * (bound.upper - bound.lower)
+    back = [b - a for a, b in zip(*(responses_of(hidden, t) for t in (at_bound, inside)), strict=True)]
+    sized = [
+        surviving(hidden.simulator, at_bound, hidden.recordings, [way * c for c in back]) for way in (1, -1)
+    ]
+    assert sized[0] < 0.01
+    assert sized[1] > 0.1
+
+
 def test_a_change_that_parameters_cannot_make_survives_a_refit():
     hidden = draw_plant_scenario(7, 40.0, kind="nothing", device="pv_plant")
     change = [5.0 * o.sigma * np.where(np.arange(o.sigma.shape[1]) % 2, 1.0, -1.0) for o in hidden.recordings]

@@ -95,21 +95,23 @@ def test_the_finder_is_a_simulator_of_what_it_found(found):
     assert any(hidden.effects[0] in line for line in lines)
 
 
-def test_values_are_near_the_hidden_ones(found):
-    """And fit no worse than those of a fit that begins at the hidden ones.
+def test_values_are_those_of_a_fit_that_begins_at_the_hidden_ones(found):
+    """Nothing of the hidden values is known to the search, and it comes to the same minimum.
 
     How often intervals hold is tested with the joint fits: where a limiter begins to act the objective is rough.
     """
     hidden, finder, _ = found
-    parameters = finder.causes_[0].parameters
-    assert len(parameters) == len(hidden.values)
-    for (found_value, low, high), value in zip(parameters.values(), hidden.values, strict=True):
-        assert low <= found_value <= high
-        assert found_value == pytest.approx(value, rel=0.02)
     best = next(h for h in finder.hypotheses_ if h.name == finder.causes_[0].name)
     problem = FitProblem(best.simulator, list(best.observations), best.names)
     true = (np.concatenate([hidden.theta, hidden.values]) - problem.space.nominal) / problem.space.scales
-    assert best.objective < fit_hypothesis(best.effects, problem, true).objective + WORTH
+    begun = fit_hypothesis(best.effects, problem, true)
+    assert best.objective < begun.objective + WORTH
+    parameters = finder.causes_[0].parameters
+    assert len(parameters) == len(hidden.values)
+    there = begun.theta[-len(hidden.values) :]
+    for (value, low, high), near, hid in zip(parameters.values(), there, hidden.values, strict=True):
+        assert low <= hid <= high
+        assert abs(value - near) < 0.1 * (high - low)
 
 
 def test_gain_is_measured_against_the_recalibrated_model(found):
