@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 
 from errorscreen.bench.discovery import CASES as STUDIED
+from errorscreen.bench.discovery import streams_of
 from errorscreen.bench.grid_scenarios import draw_grid_scenario
 from errorscreen.bench.plant_scenarios import draw_plant_scenario
 from errorscreen.bench.timing import machine
@@ -115,8 +116,7 @@ def drawn(seed):
 def studied(case, seed, numbers):
     """The same of scenarios of a study."""
     for number in map(int, numbers):
-        stream, _ = np.random.SeedSequence(int(seed), spawn_key=(number,)).spawn(2)
-        scenario = STUDIED[case][0](stream, NOISE_DB)
+        scenario = STUDIED[case][0](streams_of(int(seed), number)[0], NOISE_DB)
         yield case, f"number {number}, {scenario.kind}", scenario
 
 

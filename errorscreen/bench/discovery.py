@@ -221,6 +221,11 @@ def search_all(
     return found
 
 
+def streams_of(seed: int, number: int) -> list[np.random.SeedSequence]:
+    """Seeds of a scenario of a study: of what is hidden, and of the search."""
+    return np.random.SeedSequence(seed, spawn_key=(number,)).spawn(2)
+
+
 def run_scenario(
     case: str,
     seed: int,
@@ -233,16 +238,16 @@ def run_scenario(
     max_effects: int = 2,
 ) -> _Record:
     """Draw one scenario, of a kind if it is given, search it, and judge what was found."""
-    streams = np.random.SeedSequence(seed, spawn_key=(number,)).spawn(2)
+    of_hidden, of_search = streams_of(seed, number)
     with warnings.catch_warnings():  # of recordings that look odd, which is meant
         warnings.simplefilter("ignore", DataWarning)
         draw, _ = CASES[case]
         sizes = {"least_size": least_size}
         if largest_size is not None:
             sizes["largest_size"] = largest_size
-        hidden = draw(streams[0], noise_db, kind=kind, **sizes)
+        hidden = draw(of_hidden, noise_db, kind=kind, **sizes)
         started = perf_counter()
-        search_seed = int(streams[1].generate_state(1)[0])
+        search_seed = int(of_search.generate_state(1)[0])
         finder = CauseFinder(hidden.simulator, max_effects=max_effects, random_state=search_seed)
         finder.fit(list(hidden.recordings))
         seconds = perf_counter() - started
