@@ -9,9 +9,9 @@ scenarios, goes on from there.
 import sys
 from pathlib import Path
 
+from errorscreen._runtime.persistence import write_text_atomic
 from errorscreen.bench import discovery_study
 from errorscreen.bench.discovery_output import by_size, power_figure
-from errorscreen.persistence import write_text_atomic
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 LEVELS = (40.0, 30.0, 20.0)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from discovery_curves import at_levels
 
-from errorscreen.persistence import write_text_atomic
+from errorscreen._runtime.persistence import write_text_atomic
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 #: scenarios at each level, and seed, of the tables in the docs

@@ -12,12 +12,12 @@ from time import perf_counter
 
 import numpy as np
 
+from errorscreen._runtime.persistence import write_text_atomic
 from errorscreen.bench.plant_scenarios import draw_plant_scenario
 from errorscreen.discovery import CauseFinder, FirstLook
 from errorscreen.effects.base import DURING
 from errorscreen.exceptions import DataWarning
-from errorscreen.persistence import write_text_atomic
-from errorscreen.power import DEVICES
+from errorscreen.models import DEVICES
 
 TABLE = Path(__file__).resolve().parents[1] / "docs" / "tables" / "first_look.md"
 SCENARIOS, SAMPLES, SEED = 16, 4000, 41

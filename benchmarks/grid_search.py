@@ -4,7 +4,7 @@ import runpy
 import sys
 from pathlib import Path
 
-from errorscreen.persistence import write_text_atomic
+from errorscreen._runtime.persistence import write_text_atomic
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLE = ROOT / "examples" / "plot_ieee39_grid_search.py"

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 from sklearn.dummy import DummyRegressor
 
-from errorscreen.augmentation import enlarge_dataset
+from errorscreen._runtime.persistence import write_text_atomic
 from errorscreen.bench import Effort
 from errorscreen.bench.paper import study_screener
 from errorscreen.bench.paper_draw import FIT_EVENTS, STEP, TOP, noise_of
 from errorscreen.cases import ieee39_events, load_ieee39
-from errorscreen.generation import generate_dataset
+from errorscreen.learning.augmentation import enlarge_dataset
+from errorscreen.learning.generation import generate_dataset
 from errorscreen.metrics import top_k_overlap
-from errorscreen.persistence import write_text_atomic
 
 TABLE = Path(__file__).resolve().parents[1] / "docs" / "tables" / "learning_curve.md"
 SAMPLES, TEST, EPOCHS, NOISE_DB = (2500, 10000, 20000), 1000, 20, 40.0

@@ -13,10 +13,10 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from errorscreen._runtime.persistence import write_text_atomic
 from errorscreen.bench.discovery import result_of, search_all
 from errorscreen.bench.discovery_output import power_figure, reliability_figure, tables
 from errorscreen.bench.scenarios import LEAST_SIZE
-from errorscreen.persistence import write_text_atomic
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"

@@ -8,9 +8,9 @@ import sys
 from pathlib import Path
 from time import perf_counter
 
+from errorscreen._runtime.persistence import write_text_atomic
 from errorscreen.cases import falling_ball, read_falling_ball, read_silverbox, silverbox
 from errorscreen.discovery import CauseFinder
-from errorscreen.persistence import write_text_atomic
 
 TABLE = Path(__file__).resolve().parents[1] / "docs" / "tables" / "measured_systems.md"
 BALLS = ("Whiffle Ball 1", "Tennis Ball", "Volleyball", "Bowling Ball")

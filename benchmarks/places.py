@@ -13,9 +13,9 @@ from pathlib import Path
 from scipy.stats import binomtest
 from tqdm import tqdm
 
+from errorscreen._runtime.persistence import write_text_atomic
 from errorscreen.bench.discovery import search_all
 from errorscreen.bench.scenarios import LEAST_SIZE
-from errorscreen.persistence import write_text_atomic
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 #: scenarios and seed of the tables in the docs
@@ -77,7 +77,7 @@ def main(out, case="ieee39", scenarios=None, seed=None, jobs=JOBS):
         interval = binomtest(right, len(unknown)).proportion_ci(0.95)
         text += f", 95 % interval of the rate {interval.low:.2f} to {interval.high:.2f}"
     text += ".\n"
-    write_text_atomic(DOCS / "tables" / f"places_{case}.md", text)
+    write_text_atomic(DOCS / "tables" / f"input_locations_{case}.md", text)
 
 
 if __name__ == "__main__":

@@ -15,13 +15,13 @@ from time import perf_counter
 import numpy as np
 import pandas as pd
 
+from errorscreen._runtime.persistence import write_text_atomic
 from errorscreen.bench.discovery import CASES as STUDIED
 from errorscreen.bench.discovery import streams_of
 from errorscreen.bench.grid_scenarios import draw_grid_scenario
 from errorscreen.bench.plant_scenarios import draw_plant_scenario
 from errorscreen.bench.timing import machine
 from errorscreen.events import BusFault, GridEvent
-from errorscreen.persistence import write_text_atomic
 
 SEED, NOISE_DB = 4409, 40.0
 #: what draws the scenarios of a case, and what they hide in turn

@@ -6,11 +6,11 @@ from time import perf_counter
 import numba
 import numpy as np
 
+from errorscreen._runtime.persistence import write_text_atomic
+from errorscreen.data.recordings import Recording
 from errorscreen.discovery import CauseFinder
 from errorscreen.events import InputSignal
 from errorscreen.parameters import Parameter
-from errorscreen.persistence import write_text_atomic
-from errorscreen.recordings import Recording
 from errorscreen.simulators import ODESimulator
 
 TABLE = Path(__file__).resolve().parents[1] / "docs" / "tables" / "search_speed.md"

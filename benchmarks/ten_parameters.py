@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 from joblib import Parallel, delayed
 
+from errorscreen._runtime.persistence import write_text_atomic
 from errorscreen.bench import Effort
 from errorscreen.bench.paper import PUBLISHED
 from errorscreen.bench.paper_draw import FIT_EVENTS, TOP, Setting, hidden, step_error
 from errorscreen.calibration import MAPCalibrator, PSOCalibrator
-from errorscreen.generation import contribution_labels
+from errorscreen.learning.generation import contribution_labels
 from errorscreen.metrics import quiet_level, ranking, reduction, response_error
-from errorscreen.persistence import write_text_atomic
 from errorscreen.screening import IdentifiabilityScreener
 
 TABLE = Path(__file__).resolve().parents[1] / "docs" / "tables" / "ten_parameters.md"

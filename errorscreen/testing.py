@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from sklearn.base import clone
 
+from errorscreen.data.observations import Observation
 from errorscreen.effects.base import Effect
 from errorscreen.exceptions import InputError
-from errorscreen.observations import Observation
 from errorscreen.parameters import ParameterSpace
 from errorscreen.simulators.base import Simulator
 

@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 from pythonfmu.builder import FmuBuilder
 
+from errorscreen.data.recordings import Recording
 from errorscreen.discovery import CauseFinder
 from errorscreen.parameters import Parameter
 from errorscreen.plotting import plot_responses
-from errorscreen.recordings import Recording
 from errorscreen.simulators import CallableSimulator
-from errorscreen.simulators.fmu import FMU
+from errorscreen.simulators.external.fmu import FMU
 
 # %%
 # A unit to play with, a first-order lag, built from a few lines of Python; yours comes from your tool.

@@ -15,9 +15,9 @@ from sklearn.pipeline import make_pipeline
 
 from errorscreen.events import Playback
 from errorscreen.features import ChannelScaler, CWTTransformer
-from errorscreen.generation import generate_dataset
+from errorscreen.learning.generation import generate_dataset
+from errorscreen.learning.regressors import CNNContributionRegressor
 from errorscreen.metrics import ndcg_scorer, overlap_scorer
-from errorscreen.regressors import CNNContributionRegressor
 from errorscreen.simulators import PlantSimulator
 
 # %%

@@ -14,7 +14,7 @@ from sklearn.dummy import DummyRegressor
 from sklearn.model_selection import GridSearchCV, KFold, cross_validate
 
 from errorscreen.cases import load_ieee39
-from errorscreen.generation import generate_dataset
+from errorscreen.learning.generation import generate_dataset
 from errorscreen.metrics import ndcg_scorer, overlap_scorer
 from errorscreen.screening import ContributionScreener, contribution_pipeline
 

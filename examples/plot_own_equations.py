@@ -8,10 +8,10 @@ also has dry friction, which the model lacks.
 
 import numpy as np
 
+from errorscreen.data.recordings import Recording
 from errorscreen.discovery import CauseFinder
 from errorscreen.parameters import Parameter
 from errorscreen.plotting import plot_responses
-from errorscreen.recordings import Recording
 from errorscreen.simulators import ODESimulator
 
 

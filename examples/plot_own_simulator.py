@@ -16,12 +16,12 @@ nonlinear dynamic loads in power systems", IEEE Transactions on Power Systems 9,
 import numpy as np
 
 from errorscreen.calibration import MAPCalibrator
+from errorscreen.data.observations import Observation
+from errorscreen.data.recordings import Recording
 from errorscreen.discovery import judge
 from errorscreen.events import Playback
-from errorscreen.observations import Observation
 from errorscreen.parameters import Parameter, ParameterSpace
 from errorscreen.plotting import plot_responses
-from errorscreen.recordings import Recording
 from errorscreen.screening import SensitivityScreener
 from errorscreen.simulators import Responses, Simulator, Status
 from errorscreen.testing import check_simulator

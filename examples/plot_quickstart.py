@@ -3,13 +3,13 @@ Quickstart
 ==========
 
 A recorded fault, a machine model that does not reproduce it, and the way from one to the other. The recordings are
-simulated with hidden parameters and noise; `errorscreen.io.read_csv` reads your own.
+simulated with hidden parameters and noise; `errorscreen.data.read_csv` reads your own.
 """
 
 from errorscreen.calibration import MAPCalibrator
 from errorscreen.cases.demo import demo_recordings
 from errorscreen.discovery import channel_fits, judge
-from errorscreen.generation import generate_dataset
+from errorscreen.learning.generation import generate_dataset
 from errorscreen.plotting import plot_responses
 from errorscreen.screening import ContributionScreener, contribution_pipeline
 from errorscreen.simulators import PlantSimulator

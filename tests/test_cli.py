@@ -325,8 +325,8 @@ def test_the_fitted_recording_cannot_be_judged_on(tmp_path, capsys):
 
 
 def test_a_missing_extra_is_told_before_anything_is_simulated(tmp_path, capsys, monkeypatch):
-    monkeypatch.delitem(sys.modules, "errorscreen.network", raising=False)
-    monkeypatch.delattr("errorscreen.network", raising=False)
+    monkeypatch.delitem(sys.modules, "errorscreen.learning.network", raising=False)
+    monkeypatch.delattr("errorscreen.learning.network", raising=False)
     monkeypatch.setitem(sys.modules, "torch", None)
     assert main(["run", folder(tmp_path), "--out", str(tmp_path / "out"), "--quiet"]) == 1
     assert 'pip install "errorscreen[cnn]"' in capsys.readouterr().err

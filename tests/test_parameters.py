@@ -4,8 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from errorscreen.exceptions import InputError
+from errorscreen.models import DEVICES
 from errorscreen.parameters import Parameter, ParameterSpace, distinct_rows
-from errorscreen.power import DEVICES
 
 SPACE = ParameterSpace(
     [Parameter("a", 1, 0.5, 2), Parameter("b", -10, -20, -5), Parameter("c", 0, 0, 1, scale=0.5)]

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from errorscreen.calibration import MAPCalibrator, PSOCalibrator
-from errorscreen.recordings import Recording
+from errorscreen.data.recordings import Recording
 from errorscreen.screening import RandomScreener, SensitivityScreener
 from errorscreen.simulators import PlantSimulator, Simulator
 from errorscreen.testing import check_calibrator, check_effect, check_screener, check_simulator

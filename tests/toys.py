@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from errorscreen.data.observations import Observation
 from errorscreen.events import Event
 from errorscreen.exceptions import InputError
-from errorscreen.observations import Observation
 from errorscreen.parameters import Parameter, ParameterSpace
 from errorscreen.simulators.base import Responses, Simulator, Status
 

@@ -9,10 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
+from errorscreen._runtime.sampling import latin_hypercube
 from errorscreen.bench.plant_scenarios import FIT, OPERATING_POINT, RATE, START, STOP, GridSide
 from errorscreen.bench.speed import dip_event
 from errorscreen.cases import case_reference, ieee39_events, load_ieee39
 from errorscreen.cli import main
+from errorscreen.data.units import UNITS
 from errorscreen.effects import (
     FAULT_DURATION,
     FAULT_IMPEDANCE,
@@ -23,10 +25,8 @@ from errorscreen.effects import (
 )
 from errorscreen.effects.generic.library import TEXTS
 from errorscreen.events import Playback
-from errorscreen.io.units import UNITS
+from errorscreen.models import DEVICES, LOAD
 from errorscreen.plotting import plot_signature
-from errorscreen.power import DEVICES, LOAD
-from errorscreen.sampling import latin_hypercube
 from errorscreen.simulators import LoadUnderTest, PlantSimulator
 from errorscreen.simulators.base import REMEDIES, Status
 

@@ -15,6 +15,7 @@ from joblib import Parallel, delayed
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from errorscreen._runtime.checkpoint import Checkpoint, digest, program
 from errorscreen.bench.discovery_output import write_discovery
 from errorscreen.bench.discovery_rates import summarise
 from errorscreen.bench.grid_scenarios import draw_grid_scenario
@@ -23,9 +24,8 @@ from errorscreen.bench.scenarios import LEAST_SIZE, MIX, Scenario, check_sizes
 from errorscreen.bench.timing import machine
 from errorscreen.bench.trap_scenarios import TRAP_MIX, draw_trap_scenario
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.checkpoint import Checkpoint, digest, program
 from errorscreen.discovery import CauseFinder
-from errorscreen.discovery.hypotheses import JointFit
+from errorscreen.discovery.fits.hypotheses import JointFit
 from errorscreen.exceptions import (
     DataWarning,
     InputError,
@@ -257,7 +257,7 @@ def run_scenario(
     names = [e.name for e in finder.best_.effects] if named else []
     groups = [list(group.names) for group in finder.groups_] if named else []
     outcome = _outcome(hidden, finder.verdict_.kind, names, groups)
-    place = finder.places_[0] if finder.places_ else None
+    place = finder.input_locations_[0] if finder.input_locations_ else None
     return {
         "number": number,
         "truth": {
@@ -298,10 +298,10 @@ def run_scenario(
 
 def _left(finder: CauseFinder) -> list[float | None]:
     """Least share of what parameters leave beyond noise that one effect leaves, that two leave, and so on."""
-    whole = finder.remainders_["parameters"].excess
+    whole = finder.residual_tests_["parameters"].excess
     out: list[float | None] = []
     for number in range(1, finder.max_effects + 1):
-        left = [finder.remainders_[h.name].excess for h in finder.hypotheses_ if len(h.effects) == number]
+        left = [finder.residual_tests_[h.name].excess for h in finder.hypotheses_ if len(h.effects) == number]
         out.append(min(left) / whole if left and whole > 0 else None)
     return out
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from errorscreen._runtime.persistence import write_json_atomic, write_text_atomic
 from errorscreen.bench.discovery_rates import rate_of
-from errorscreen.persistence import write_json_atomic, write_text_atomic
 from errorscreen.plotting.charts import COLOURS, figure_of
 
 if TYPE_CHECKING:

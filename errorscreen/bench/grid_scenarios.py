@@ -28,10 +28,10 @@ from errorscreen.bench.scenarios import (
     pick,
 )
 from errorscreen.cases import ieee39_events, load_ieee39
+from errorscreen.data.observations import Observation
 from errorscreen.effects import Effect
 from errorscreen.events import GridEvent
-from errorscreen.observations import Observation
-from errorscreen.power import DEVICES
+from errorscreen.models import DEVICES
 from errorscreen.simulators import PowerSystemSimulator, Simulator
 
 _Array = NDArray[np.float64]

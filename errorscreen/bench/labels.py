@@ -16,7 +16,7 @@ import numpy as np
 from errorscreen.bench.timing import in_new_process, peak_gib
 from errorscreen.cases import load_ieee39
 from errorscreen.exceptions import MissingExtraError
-from errorscreen.generation import generate_dataset
+from errorscreen.learning.generation import generate_dataset
 
 #: samples of the published method; each costs one simulation for every parameter and one for itself
 SAMPLES = 2500

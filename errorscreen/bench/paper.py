@@ -13,7 +13,7 @@ from joblib import Parallel, delayed
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from errorscreen.augmentation import enlarge_dataset
+from errorscreen._runtime.checkpoint import Checkpoint, digest, program
 from errorscreen.bench.paper_draw import (
     CALIBRATED,
     FIT_EVENTS,
@@ -30,12 +30,12 @@ from errorscreen.bench.paper_draw import (
 from errorscreen.bench.paper_output import write_paper
 from errorscreen.bench.timing import machine
 from errorscreen.cases import load_ieee39
-from errorscreen.checkpoint import Checkpoint, digest, program
 from errorscreen.exceptions import InputError, check_integer, check_real, unknown_name
 from errorscreen.features import ResponseErrorTransformer
-from errorscreen.generation import generate_dataset
+from errorscreen.learning.augmentation import enlarge_dataset
+from errorscreen.learning.generation import generate_dataset
+from errorscreen.learning.regressors import import_network
 from errorscreen.metrics import reduction
-from errorscreen.regressors import import_network
 from errorscreen.screening import ContributionScreener, contribution_pipeline
 
 SCHEMA_VERSION = 1

@@ -12,15 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.frozen import FrozenEstimator
 
+from errorscreen._runtime.sampling import latin_hypercube
 from errorscreen.calibration import MAPCalibrator, PSOCalibrator
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.cases.ieee39 import ieee39_events, load_ieee39
+from errorscreen.data.observations import Observation
 from errorscreen.events import GridEvent
 from errorscreen.exceptions import DataWarning, check_integer
-from errorscreen.generation import contribution_labels
+from errorscreen.learning.generation import contribution_labels
 from errorscreen.metrics import quiet_level, ranking, response_error, top_k_overlap
-from errorscreen.observations import Observation
-from errorscreen.sampling import latin_hypercube
 from errorscreen.screening import (
     AttributionScreener,
     BaseScreener,

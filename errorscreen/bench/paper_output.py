@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from errorscreen._runtime.persistence import write_json_atomic, write_text_atomic
 from errorscreen.bench.paper_draw import FIT_EVENTS, RANKINGS, TOP, Setting, hidden
 from errorscreen.features import CWTTransformer
 from errorscreen.metrics import ranking, reduction
-from errorscreen.persistence import write_json_atomic, write_text_atomic
 from errorscreen.plotting import plot_error_images, plot_responses, plot_system
 
 if TYPE_CHECKING:

@@ -18,12 +18,12 @@ from errorscreen.bench.scenarios import (
     draw_scenario,
     pick,
 )
+from errorscreen.data.observations import Observation
+from errorscreen.data.recordings import Recording
 from errorscreen.effects import LIBRARY, Effect, common_skew, measurement_effects
 from errorscreen.engine.vmath import smooth_step
 from errorscreen.events import Playback
-from errorscreen.observations import Observation
-from errorscreen.power import DEVICES
-from errorscreen.recordings import Recording
+from errorscreen.models import DEVICES
 from errorscreen.simulators import PlantSimulator
 
 #: step of the hidden truth in seconds, a tenth of the one that the fitted model uses

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.discovery.hypotheses import JointFit
-from errorscreen.discovery.noise import by_recording
-from errorscreen.discovery.signatures import WIDE
+from errorscreen.data.observations import Observation
+from errorscreen.discovery.fits.hypotheses import JointFit
+from errorscreen.discovery.fits.noise import by_recording
+from errorscreen.discovery.starts.signatures import WIDE
 from errorscreen.effects import Effect
 from errorscreen.exceptions import InputError, SimulationError, unknown_name
-from errorscreen.observations import Observation
 from errorscreen.simulators import Simulator
 
 #: kinds of scenarios and their shares; the order is that of results
@@ -338,11 +338,11 @@ def _between(strength: float, size: float, aim: float, below: float, above: floa
 def _happened(
     effects: Sequence[Effect], right: Sequence[str], setup: Setup, rng: np.random.Generator
 ) -> tuple[list[Effect], tuple[str, ...]]:
-    """Bind what belongs to one recording (`Effect.occasional`) to one of those that are fitted."""
+    """Bind what belongs to one recording (`Effect.event_specific`) to one of those that are fitted."""
     found, names = [], dict(zip(right, right, strict=True))
     for effect in effects:
         bound = effect
-        if effect.occasional:
+        if effect.event_specific:
             bound = effect.during(setup.events[int(rng.integers(setup.n_fit))].name)
             names[effect.name] = bound.name
         found.append(bound)

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from errorscreen._runtime.persistence import write_json_atomic, write_text_atomic
+from errorscreen._runtime.sampling import latin_hypercube
 from errorscreen.bench.labels import label_rows, measure_labels, plot_labels
 from errorscreen.bench.timing import best_seconds, in_new_process, machine
 from errorscreen.events import Playback
 from errorscreen.exceptions import MissingExtraError
-from errorscreen.persistence import write_json_atomic, write_text_atomic
-from errorscreen.power import DEVICES
-from errorscreen.sampling import latin_hypercube
+from errorscreen.models import DEVICES
 from errorscreen.simulators import PlantSimulator
 
 BATCHES = (1, 64, 1024)
@@ -165,7 +165,7 @@ def cwt_speed(n_signals: int = 256, n_samples: int = 501) -> dict[str, float]:
 
 def cnn_epoch_seconds() -> float:
     """Seconds of one epoch of the network with its default settings on 2500 two-channel images of 64 x 256."""
-    from errorscreen.regressors import CNNContributionRegressor
+    from errorscreen.learning.regressors import CNNContributionRegressor
 
     rng = np.random.default_rng(0)
     images = rng.standard_normal(_CNN_SHAPE, dtype=np.float32)

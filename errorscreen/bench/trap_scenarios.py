@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from errorscreen.bench import trap_truths
 from errorscreen.bench.scenarios import LEAST_SIZE, TRIES, Scenario, draw_kind, surviving
+from errorscreen.data.observations import Observation
+from errorscreen.data.recordings import Recording
 from errorscreen.events import InputSignal
 from errorscreen.exceptions import InputError, unknown_name
-from errorscreen.observations import Observation
 from errorscreen.parameters import Parameter
-from errorscreen.recordings import Recording
 from errorscreen.simulators import ODESimulator
 
 #: samples of each record, and records that are fitted before the one that is kept back

@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.calibration.search import BoundedSearch
-from errorscreen.simulators.injection_noise import typical
+from errorscreen.simulators.plant.injection_noise import typical
 
 #: times that the slope is renewed, and iterations with each
 _TIMES, _ITERATIONS = 4, 10
@@ -39,7 +39,7 @@ _STEP = 1e-2
 _FAR = 10.0
 
 
-def relieved(search: BoundedSearch, problem: FitProblem, smooth: ArrayLike = True) -> BoundedSearch:
+def bias_corrected(search: BoundedSearch, problem: FitProblem, smooth: ArrayLike = True) -> BoundedSearch:
     """Return a search with the best track alone, led to where (K1) has its minimum.
 
     Parameters
@@ -79,7 +79,7 @@ def relieved(search: BoundedSearch, problem: FitProblem, smooth: ArrayLike = Tru
 
 
 def noise_slope(problem: FitProblem, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """Slope (k,) of the energy of passed noise at u, 0 where it cannot be simulated, and the energy itself.
+    """Slope (k,) of the energy of propagated noise at u, 0 where it cannot be simulated, and the energy itself.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def noise_slope(problem: FitProblem, u: NDArray[np.float64]) -> tuple[NDArray[np
     inwards = np.where(u <= 0.5 * (lower + upper), _STEP, -_STEP)
     moved = np.clip(u + np.diag(inwards), lower, upper)
     width = np.diag(moved) - u
-    energy = problem.passed_noise(problem.values(np.vstack([u, moved]))).sum(axis=2)
+    energy = problem.propagated_noise(problem.values(np.vstack([u, moved]))).sum(axis=2)
     # of each draw: the energies of two draws differ by more than the step changes them
     slope = typical((energy[:, 1:] - energy[:, :1]) / np.where(width != 0, width, 1.0))
     return np.nan_to_num(slope), float(np.nan_to_num(typical(energy[:, 0])))

@@ -12,7 +12,7 @@ from sklearn.utils.validation import check_is_fitted
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.events import Event
 from errorscreen.simulators.base import Simulator
-from errorscreen.simulators.observations import settled_observations
+from errorscreen.simulators.observations import with_initial_states
 
 
 class BaseCalibrator(BaseEstimator):
@@ -58,7 +58,7 @@ class BaseCalibrator(BaseEstimator):
         """
         check_is_fitted(self, "simulator_")
         if event is not None and not isinstance(event, Event):
-            event = settled_observations(self.simulator_, event)[0].event
+            event = with_initial_states(self.simulator_, event)[0].event
         return self.simulator_.baseline(event)
 
     def score(self, X: Any, y: None = None) -> float:
@@ -76,7 +76,7 @@ class BaseCalibrator(BaseEstimator):
             0 for a perfect simulation; -inf if a simulation fails.
         """
         check_is_fitted(self, "simulator_")
-        problem = FitProblem(self.simulator_, settled_observations(self.simulator_, X))
+        problem = FitProblem(self.simulator_, with_initial_states(self.simulator_, X))
         loss = problem.objective(self.theta_, self._score_weights())[0]
         return -float(loss) if np.isfinite(loss) else -np.inf
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse.csgraph import connected_components
 
-from errorscreen.signals import correlation_time
+from errorscreen.data.signals import correlation_time
 
 #: a direction is determined where its standard deviation is below this share of what was known before
 DETERMINED = 0.5

@@ -12,7 +12,8 @@ from scipy.stats import chi2, norm
 from sklearn.utils.validation import check_is_fitted
 from tqdm import tqdm
 
-from errorscreen.calibration.attenuation import relieved
+from errorscreen._runtime.threads import one_blas_thread
+from errorscreen.calibration.attenuation import bias_corrected
 from errorscreen.calibration.base import BaseCalibrator
 from errorscreen.calibration.intervals import (
     DETERMINED,
@@ -26,8 +27,7 @@ from errorscreen.calibration.search import BoundedSearch, Track
 from errorscreen.calibration.truncated import sample_truncated_normal
 from errorscreen.exceptions import DataWarning, check_integer, check_real
 from errorscreen.simulators.base import Simulator
-from errorscreen.simulators.injection_noise import typical
-from errorscreen.threads import one_blas_thread
+from errorscreen.simulators.plant.injection_noise import typical
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -210,7 +210,7 @@ class MAPCalibrator(BaseCalibrator):
                         break
             if not search.tracks:
                 raise problem.no_success()
-            best = relieved(search, problem)
+            best = bias_corrected(search, problem)
             self._describe(problem, best)
         finally:
             if search.tracks:
@@ -332,8 +332,8 @@ class MAPCalibrator(BaseCalibrator):
         """Take over the best values, also of a search that was interrupted."""
         best = last.best
         values = problem.values(best.u)
-        passed = typical(problem.passed_noise(values)[:, 0])
-        self.chi2_ = float(np.sum(best.residuals**2)) - float(np.nansum(passed))
+        propagated = typical(problem.propagated_noise(values)[:, 0])
+        self.chi2_ = float(np.sum(best.residuals**2)) - float(np.nansum(propagated))
         self._store(problem, values)
         self.chi2_per_sample_ = self.chi2_ / problem.n_values
         self.converged_ = best.state in _ENDED

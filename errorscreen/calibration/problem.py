@@ -9,20 +9,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from errorscreen._runtime.sampling import latin_hypercube
+from errorscreen._runtime.threads import parallel_map, threads_left
+from errorscreen.data.observations import Observation
 from errorscreen.exceptions import SimulationError
 from errorscreen.metrics import channel_weights, objective, quiet_level, response_error
-from errorscreen.observations import Observation
 from errorscreen.parameters import distinct_rows
-from errorscreen.sampling import latin_hypercube
 from errorscreen.simulators.base import Simulator
 from errorscreen.simulators.observations import as_observations, check_names
-from errorscreen.threads import side_by_side, threads_left
 
 #: simulated numbers that a thread holds at a time when only their misfit is wanted (128 MiB)
 _CHUNK = 2**24
 #: measured instants after the start of an event that are the least part of a recording
 _LEAST = 8
-#: passed noise beyond what was counted, in multiples of the noise, that is taken as noise of the same shape
+#: propagated noise beyond what was counted, in multiples of the noise, that is taken as noise of the same shape
 _MOST_PASSED = 0.5
 
 
@@ -142,10 +142,10 @@ class FitProblem:
     @property
     def passes_noise(self) -> bool:
         """Whether noise of injected signals moves a simulation, see `errorscreen.calibration.attenuation`."""
-        return any(observation.passed is not None for observation in self.observations)
+        return any(observation.propagated is not None for observation in self.observations)
 
-    def passed_noise(self, values: ArrayLike) -> NDArray[np.float64]:
-        """Energy of what draws of the noise of injected signals make, see `Simulator.passed_noise`.
+    def propagated_noise(self, values: ArrayLike) -> NDArray[np.float64]:
+        """Energy of what draws of the noise of injected signals make, see `Simulator.propagated_noise`.
 
         Parameters
         ----------
@@ -157,16 +157,16 @@ class FitProblem:
             In squared deviations, for each channel of each recording; less what the observations' noise holds of it,
             and at most half of the channel's noise. Where a model amplifies noise by more, as one with a large lag in
             a control loop does, it is not enough to know how much that is: it has to be counted where it happens,
-            see `Simulator.quantified`.
+            see `Simulator.with_uncertainty`.
         """
         theta = self.embed(values)
         parts = []
         for observation in self.observations:
-            counted = observation.passed
+            counted = observation.propagated
             if counted is None:
                 parts.append(np.zeros((1, len(theta), len(observation.channels))))
                 continue
-            energy = self.simulator.passed_noise(observation, theta)
+            energy = self.simulator.propagated_noise(observation, theta)
             self._count((1 + len(energy)) * len(theta))
             parts.append(np.minimum(energy - counted, _MOST_PASSED * observation.mask.sum(axis=1)))
         draws = max(map(len, parts))
@@ -200,7 +200,7 @@ class FitProblem:
         threads = threads_left(self.simulator.threads)
         # those that are left over when each thread has had as many as the others share all threads
         even = len(calls) // threads * threads
-        parts = [part for some in (calls[:even], calls[even:]) for part in side_by_side(some, threads)]
+        parts = [part for some in (calls[:even], calls[even:]) for part in parallel_map(some, threads)]
         for _, count, failed, failures in parts:
             self._count(count, failed, failures)
         return [part for part, *_ in parts]

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 from tqdm import tqdm
 
+from errorscreen._runtime.sampling import generator, latin_hypercube
 from errorscreen.calibration.base import BaseCalibrator
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.calibration.swarm import ParticleSwarm
 from errorscreen.exceptions import check_integer, check_real
-from errorscreen.sampling import generator, latin_hypercube
 from errorscreen.simulators.base import Simulator
 
 

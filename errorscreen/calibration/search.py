@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import solve_triangular
 
+from errorscreen._runtime.sampling import generator
 from errorscreen.calibration.quadratic import damped_minima
-from errorscreen.sampling import generator
 
 #: damping values tried in one batch, relative to the one that worked last
 _DAMPINGS = 10.0 ** np.arange(-3, 4)

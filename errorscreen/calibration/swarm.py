@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from errorscreen._runtime.sampling import generator
 from errorscreen.exceptions import InputError, check_real
-from errorscreen.sampling import generator
 
 
 class ParticleSwarm:

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import log_ndtr, ndtri_exp
 
+from errorscreen._runtime.sampling import generator
 from errorscreen.exceptions import InputError, check_integer
-from errorscreen.sampling import generator
 
 #: parallel chains, sweeps over all directions before the first sample, and sweeps between two samples of a chain
 _CHAINS, _BURN_IN, _THINNING = 64, 30, 3

@@ -20,9 +20,9 @@ from errorscreen.cases.case_models import (
 )
 from errorscreen.cases.model_sections import EVENTS, DeviceSection, GridSection
 from errorscreen.cases.section import Section
+from errorscreen.data.recordings import Recording
 from errorscreen.exceptions import InputError, check_integer, unknown_name
 from errorscreen.parameters import ParameterSpace
-from errorscreen.recordings import Recording
 
 #: Lists of further recordings, in the order in which a study has them.
 _FURTHER = ("together", "held_out")
@@ -165,7 +165,7 @@ class Case(Section):
             seen[window] = where
 
     def load_recording(self) -> Recording:
-        """Read the recording; for errors see `errorscreen.io.read_csv`."""
+        """Read the recording; for errors see `errorscreen.data.read_csv`."""
         return self.recording.load(self.folder, self.simulation.dt)
 
     def load_together(self) -> tuple[Recording, ...]:

@@ -16,16 +16,16 @@ from errorscreen.cases.model_sections import (
     LoadStepSection,
 )
 from errorscreen.cases.section import Count, Positive, Section
+from errorscreen.data import Column, read_csv
+from errorscreen.data.recordings import Recording
 from errorscreen.exceptions import InputError
-from errorscreen.io import Column, read_csv
-from errorscreen.recordings import Recording
 
 #: fewer cannot be divided into those that a network learns from and those that tell when to stop
 _LEAST_SAMPLES = 20
 
 
 class ColumnSection(Section):
-    """Where a channel comes from and what its numbers mean, see `errorscreen.io.Column`."""
+    """Where a channel comes from and what its numbers mean, see `errorscreen.data.Column`."""
 
     column: str | None = Field(default=None, description="header of the column")
     unit: str | None = Field(default=None, description="unit of its numbers; pu, rad or Hz if not given")

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from errorscreen._runtime.sampling import generator
+from errorscreen.data.recordings import Recording
 from errorscreen.engine.vmath import smooth_step
 from errorscreen.events import Playback
-from errorscreen.power import SYNCHRONOUS_MACHINE
-from errorscreen.recordings import Recording
-from errorscreen.sampling import generator
+from errorscreen.models import SYNCHRONOUS_MACHINE
 from errorscreen.simulators import PlantSimulator
 
 #: standard deviations of the measurement noise: V in pu, angle in rad, P and Q in pu (about 50 dB)

@@ -13,7 +13,7 @@ that what is observed at bus 2 feels them:
 
 They deliver 0.6, 0.7 and 0.8 of their ratings, which follow from that (`PLANTS`).
 
-The other seven units are two-axis machines without controllers (`errorscreen.power.FixedMachine`), because the paper
+The other seven units are two-axis machines without controllers (`errorscreen.models.FixedMachine`), because the paper
 leaves them unchanged, and so that what is seen comes from the plants under test; their damping power per speed
 deviation is 0.2 of their starting time, about that of the machine under test. Loads are constant impedances.
 
@@ -33,7 +33,7 @@ import numpy as np
 
 from errorscreen.cases.ieee39_data import BASE_MVA, FREQUENCY, GENERATORS, MACHINES, ieee39_network
 from errorscreen.events import BusFault, GridEvent, LineTrip, LoadStep
-from errorscreen.power import FixedMachine
+from errorscreen.models import FixedMachine
 from errorscreen.simulators import PowerSystemSimulator, Unit
 
 #: observed quantities: a bus for its voltage, or a pair for the power that arrives at the second

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from errorscreen.data.recordings import Recording
 from errorscreen.exceptions import InputError
 from errorscreen.parameters import Parameter
-from errorscreen.recordings import Recording
 from errorscreen.simulators import ODESimulator
 
 #: in volts and metres: what is left of a good model, and position noise of a video

@@ -14,8 +14,8 @@ from errorscreen.cases.ieee39 import PLANTS, load_ieee39
 from errorscreen.cases.section import Positive, Section
 from errorscreen.events import BusFault, GridEvent, LineTrip, LoadStep
 from errorscreen.exceptions import InputError, unknown_name
+from errorscreen.models import DEVICES
 from errorscreen.parameters import Parameter, ParameterSpace
-from errorscreen.power import DEVICES
 from errorscreen.simulators import PowerSystemSimulator
 
 #: instants that are moved by less, in s, are those of rounded time stamps

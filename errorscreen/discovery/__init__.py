@@ -1,22 +1,22 @@
 """What a simulation gets wrong, whether its parameters can explain it, and what it lacks."""
 
-from errorscreen.discovery.diagnosis import (
+from errorscreen.discovery.diagnose import Diagnosis, diagnose
+from errorscreen.discovery.finder import CauseFinder
+from errorscreen.discovery.first_look import FirstLook, effect_dataset
+from errorscreen.discovery.fits.hypotheses import Hypothesis
+from errorscreen.discovery.fits.noise import noise_limit
+from errorscreen.discovery.judge.errors import (
     ChannelFit,
     StageError,
     channel_fits,
     stage_errors,
 )
-from errorscreen.discovery.finder import CauseFinder
-from errorscreen.discovery.first_look import FirstLook, effect_dataset
-from errorscreen.discovery.gain import EventGain, Gain, measure_gain
-from errorscreen.discovery.hypotheses import Hypothesis
-from errorscreen.discovery.latent import Place, rank_places
-from errorscreen.discovery.noise import noise_limit
-from errorscreen.discovery.quick import Diagnosis, diagnose
-from errorscreen.discovery.ranking import Cause
-from errorscreen.discovery.remainder import Cell, Remainder, remainder_test
-from errorscreen.discovery.separation import Group
-from errorscreen.discovery.verdict import Verdict, held_out_limit, judge
+from errorscreen.discovery.judge.gain import EventGain, Gain, measure_gain
+from errorscreen.discovery.judge.ranking import Cause
+from errorscreen.discovery.judge.residual_test import Cell, ResidualTest, residual_test
+from errorscreen.discovery.judge.separation import Group
+from errorscreen.discovery.judge.verdict import Verdict, held_out_limit, judge
+from errorscreen.discovery.unknown_input.locations import InputLocation, rank_input_locations
 
 __all__ = [
     "Cause",
@@ -29,8 +29,8 @@ __all__ = [
     "Gain",
     "Group",
     "Hypothesis",
-    "Place",
-    "Remainder",
+    "InputLocation",
+    "ResidualTest",
     "StageError",
     "Verdict",
     "channel_fits",
@@ -40,7 +40,7 @@ __all__ = [
     "judge",
     "measure_gain",
     "noise_limit",
-    "rank_places",
-    "remainder_test",
+    "rank_input_locations",
+    "residual_test",
     "stage_errors",
 ]

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from errorscreen.discovery.gain import Gain
-from errorscreen.discovery.hypotheses import CORNER, Hypothesis
-from errorscreen.discovery.latent import Place
-from errorscreen.discovery.ranking import Cause
-from errorscreen.discovery.remainder import Remainder
+from errorscreen.discovery.fits.hypotheses import CORNER, Hypothesis
+from errorscreen.discovery.judge.gain import Gain
+from errorscreen.discovery.judge.ranking import Cause
+from errorscreen.discovery.judge.residual_test import ResidualTest
+from errorscreen.discovery.unknown_input.locations import InputLocation
 from errorscreen.effects.base import Effect
 from errorscreen.simulators.base import Simulator
 
@@ -49,7 +49,7 @@ def placebo(
         return None
     own = freedom(chosen.effects)
     # what acts in the fitted recordings only would not show on others
-    acting = [h for h in wrong if not any(e.occasional for e in h.effects)] or wrong
+    acting = [h for h in wrong if not any(e.event_specific for e in h.effects)] or wrong
     return max(acting, key=lambda h: (min(freedom(h.effects), own), h.evidence))
 
 
@@ -154,7 +154,7 @@ def unknown_text(
     return text + _cornered(base)
 
 
-def conspicuous_text(remainder: Remainder, significance: float) -> str:
+def conspicuous_text(remainder: ResidualTest, significance: float) -> str:
     """What to say of parameters that are kept although one cell of the errors is more than noise."""
     if remainder.p_value > significance:
         return ""
@@ -175,7 +175,7 @@ def _cornered(base: Hypothesis) -> str:
     )
 
 
-def place_text(places: Sequence[Place], simulator: Simulator) -> str:
+def place_text(places: Sequence[InputLocation], simulator: Simulator) -> str:
     """Where something unknown enters, as far as the simulator has places for it."""
     if places:
         first = places[0]
@@ -194,12 +194,12 @@ def place_text(places: Sequence[Place], simulator: Simulator) -> str:
     return "An unknown signal explains it at none of the simulator's ports."
 
 
-def alike_places(places: Sequence[Place]) -> list[Place]:
+def alike_places(places: Sequence[InputLocation]) -> list[InputLocation]:
     """The first place and those that cannot be told from it."""
     return [place for place in places if place.probability >= ALIKE * places[0].probability]
 
 
-def other_places(places: Sequence[Place]) -> str:
+def other_places(places: Sequence[InputLocation]) -> str:
     """Places that cannot be told from the first, in words; empty if there is none."""
     return ", or at ".join(place.name for place in alike_places(places)[1 : _TOLD + 1])
 

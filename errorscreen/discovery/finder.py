@@ -12,31 +12,31 @@ from numpy.typing import NDArray
 from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
+from errorscreen._runtime.checkpoint import Checkpoint, digest, program
+from errorscreen._runtime.sampling import generator
+from errorscreen._runtime.threads import one_blas_thread
 from errorscreen.calibration import MAPCalibrator
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.checkpoint import Checkpoint, digest, program
+from errorscreen.data.observations import Observation
 from errorscreen.discovery import conclusions
-from errorscreen.discovery.competition import Competition
-from errorscreen.discovery.gain import Gain, measure_gain
-from errorscreen.discovery.hypotheses import PRIOR, Hypothesis, candidates, parameters_only
-from errorscreen.discovery.intervals import with_profiles
-from errorscreen.discovery.journal import Journal
-from errorscreen.discovery.latent import Place, rank_places
-from errorscreen.discovery.ranking import rank_causes
-from errorscreen.discovery.remainder import Remainder, remainder_test
-from errorscreen.discovery.separation import Group, differing, group_of
-from errorscreen.discovery.verdict import Verdict, judge
+from errorscreen.discovery.fits.hypotheses import PRIOR, Hypothesis, candidates, parameters_only
+from errorscreen.discovery.judge.gain import Gain, measure_gain
+from errorscreen.discovery.judge.profiles import with_profiles
+from errorscreen.discovery.judge.ranking import rank_causes
+from errorscreen.discovery.judge.residual_test import ResidualTest, residual_test
+from errorscreen.discovery.judge.separation import Group, differing, group_of
+from errorscreen.discovery.judge.verdict import Verdict, judge
+from errorscreen.discovery.search.journal import Journal
+from errorscreen.discovery.search.model_search import ModelSearch
+from errorscreen.discovery.unknown_input.locations import InputLocation, rank_input_locations
 from errorscreen.effects.base import Effect
 from errorscreen.events import Event
 from errorscreen.exceptions import InputError, check_integer, check_real
-from errorscreen.observations import Observation
-from errorscreen.sampling import generator
 from errorscreen.simulators.base import Simulator
-from errorscreen.simulators.observations import as_observations, settled_observations
+from errorscreen.simulators.observations import as_observations, with_initial_states
 from errorscreen.simulators.user_functions import identity
-from errorscreen.threads import one_blas_thread
 
-#: least significance: what the bootstrap of `remainder_test` can tell apart
+#: least significance: what the bootstrap of `residual_test` can tell apart
 _LEAST = 0.001
 
 _Array = NDArray[np.float64]
@@ -46,18 +46,18 @@ class CauseFinder(BaseEstimator):
     r"""Find what a simulator lacks to reproduce recordings.
 
     All hypotheses (parameters only, each effect of the library, pairs of them) are fitted together with all
-    parameters. One is *adequate* if what it leaves passes the test for noise (`remainder_test`). Adequate ones are
+    parameters. One is *adequate* if what it leaves passes the test for noise (`residual_test`). Adequate ones are
     compared by their evidence. If there is none, an effect that explains nearly all of what parameters leave (95 %;
     two together 99.7 %) is named, with the remark that its form is not the library's; otherwise the verdict is
-    "unknown", with the place where something enters (`rank_places`).
+    "unknown", with the place where something enters (`rank_input_locations`).
 
     Parameters
     ----------
     simulator : Simulator
     effects : sequence of str, optional
         Names of the effects to try; all of the simulator's where not given. What belongs to one recording
-        (`Effect.occasional`) is tried in each of them by itself, and is off in others; the names of their events tell
-        recordings apart.
+        (`Effect.event_specific`) is tried in each of them by itself, and is off in others; the names of their
+        events tell recordings apart.
     max_effects : int, default 2
         Largest number of effects that are named together.
     n_fits : int, default 6
@@ -90,16 +90,16 @@ class CauseFinder(BaseEstimator):
         Explanations that the recordings do not tell from the first one; where the verdict is unknown, places of the
         unknown signal that they do not tell apart.
     hypotheses_ : list of Hypothesis
-        All that were fitted, by falling evidence, with `Remainder.excess` in place of χ². Those of probable causes are
-        fitted once more in the end, with the noise of injected signals as it passes through them; they were compared
-        before that.
-    remainders_ : dict of str to Remainder
+        All that were fitted, by falling evidence, with `ResidualTest.excess` in place of χ². Those of probable
+        causes are fitted once more in the end, with the noise of injected signals as it passes through them; they
+        were compared before that.
+    residual_tests_ : dict of str to ResidualTest
         Test of what each of them leaves, by its name.
     scores_ : dict of str to float
-        Logarithm of the evidence of each hypothesis, (D1) with `Remainder.excess` in place of χ².
+        Logarithm of the evidence of each hypothesis, (D1) with `ResidualTest.excess` in place of χ².
     signatures_ : dict of str to float
         Objective that each effect promised.
-    places_ : list of Place
+    input_locations_ : list of InputLocation
         Where an unknown signal would enter, the most probable first; empty unless the verdict is unknown.
     extended_simulator_ : Simulator
         The simulator with what was found, at its fitted values; without an effect the calibrated one.
@@ -171,7 +171,7 @@ class CauseFinder(BaseEstimator):
         observations = as_observations(self.simulator, X)
         library = candidates(self.simulator, observations, self._names())
         self._seed = int(generator(self.random_state).integers(2**31))
-        self.places_: list[Place] = []
+        self.input_locations_: list[InputLocation] = []
         self._tell("fit without effects")
         self._calibrator = self._calibrate(observations)
         self._count = self._calibrator.n_simulations_ + len(observations)  # those of the baseline
@@ -179,7 +179,7 @@ class CauseFinder(BaseEstimator):
         problem = FitProblem(self.simulator, list(observations))
         best = min(self._calibrator.starts_, key=lambda start: start["objective"])
         first = parameters_only(problem, self._calibrator.theta_, best["state"])
-        found = Competition(
+        found = ModelSearch(
             first,
             max_effects=self.max_effects,
             n_fits=self.n_fits,
@@ -201,7 +201,11 @@ class CauseFinder(BaseEstimator):
         if base is not first:  # a better minimum, or a smaller step
             self._calibrator = self._calibrate(base.observations, base)
             self._count += self._calibrator.n_simulations_
-        self.remainders_, self.scores_, self.signatures_ = found.remainders, found.scores, found.signatures
+        self.residual_tests_, self.scores_, self.signatures_ = (
+            found.residual_tests,
+            found.scores,
+            found.signatures,
+        )
         ranked = sorted(found.hypotheses, key=lambda h: -found.scores[h.name])
         self.causes_, self.hypotheses_, count = with_profiles(
             rank_causes(found), ranked, found.measured, self._seed
@@ -214,13 +218,13 @@ class CauseFinder(BaseEstimator):
         """Response (R, L) of the extended simulator to an event, or to that of a recording."""
         check_is_fitted(self, "extended_simulator_")
         if event is not None and not isinstance(event, Event):
-            event = settled_observations(self.extended_simulator_, event)[0].event
+            event = with_initial_states(self.extended_simulator_, event)[0].event
         return self.extended_simulator_.baseline(event)
 
     def score(self, X: Any, y: None = None) -> float:
         """Negative χ²/N of the extended simulator over recordings; -inf if one cannot be simulated."""
         check_is_fitted(self, "extended_simulator_")
-        problem = FitProblem(self.extended_simulator_, settled_observations(self.extended_simulator_, X))
+        problem = FitProblem(self.extended_simulator_, with_initial_states(self.extended_simulator_, X))
         chi2 = float(problem.chi_square(self.extended_simulator_.parameters.nominal)[0])
         return -chi2 / problem.n_values if np.isfinite(chi2) else -np.inf
 
@@ -307,11 +311,11 @@ class CauseFinder(BaseEstimator):
             random_state=self._seed,
         ).fit(list(observations))
 
-    def _baseline(self, observations: Sequence[Observation]) -> tuple[list[_Array], Remainder]:
+    def _baseline(self, observations: Sequence[Observation]) -> tuple[list[_Array], ResidualTest]:
         """Responses at the nominal parameters, and the test of what they leave."""
         responses = [self.simulator.baseline(o.event) for o in observations]
         z = [o.deviations(y)[o.mask] for o, y in zip(observations, responses, strict=True)]
-        return responses, remainder_test(observations, np.concatenate(z), random_state=self._seed)
+        return responses, residual_test(observations, np.concatenate(z), random_state=self._seed)
 
     @property
     def _nothing_to_explain(self) -> bool:
@@ -442,16 +446,16 @@ class CauseFinder(BaseEstimator):
         verdict = judge(self._base.observations, self._nominal[0], self._calibrator, held_out, passes=passes)
         if verdict.kind != "parameters":
             return verdict
-        left = conclusions.conspicuous_text(self.remainders_[self._base.name], self.significance)
+        left = conclusions.conspicuous_text(self.residual_tests_[self._base.name], self.significance)
         return replace(verdict, text=verdict.text + left + conclusions.alike_text(self._alike))
 
     @one_blas_thread
     def _located(self) -> str:
         """Where something unknown enters, in words; places are kept, and those that cannot be told apart."""
         self._tell("places of an unknown signal")
-        self.places_, count = rank_places(self._base, self._kept)
+        self.input_locations_, count = rank_input_locations(self._base, self._kept)
         self.n_simulations_ += count
-        alike = conclusions.alike_places(self.places_)
+        alike = conclusions.alike_places(self.input_locations_)
         states = differing([place.states for place in alike]) if len(alike) > 1 else ()
         self.groups_ = [Group(tuple(place.name for place in alike), (), states)] if len(alike) > 1 else []
-        return conclusions.place_text(self.places_, self.simulator)
+        return conclusions.place_text(self.input_locations_, self.simulator)

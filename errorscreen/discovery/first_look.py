@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 from sklearn.base import BaseEstimator, clone
 from sklearn.utils.validation import check_is_fitted
 
-from errorscreen.datasets import ErrorDataset
-from errorscreen.discovery.signatures import spread_over
+from errorscreen._runtime.sampling import generator
+from errorscreen.data.observations import Observation
+from errorscreen.discovery.starts.signatures import spread_over
 from errorscreen.events import Event
 from errorscreen.exceptions import InputError, check_integer, check_real
-from errorscreen.generation import generate_dataset
+from errorscreen.learning.datasets import ErrorDataset
+from errorscreen.learning.generation import generate_dataset
 from errorscreen.metrics import channel_weights, ranking
-from errorscreen.observations import Observation
-from errorscreen.sampling import generator
 from errorscreen.screening import ContributionScreener, contribution_pipeline
 from errorscreen.simulators.base import Simulator, Status
 from errorscreen.simulators.observations import as_observations

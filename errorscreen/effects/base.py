@@ -132,7 +132,7 @@ class Effect:
     smallest : mapping of str to float
         Of a parameter whose range begins at 0, or is symmetrical: smallest magnitude that matters. A search draws in
         the logarithm from there.
-    occasional : bool
+    event_specific : bool
         Belongs to what happened during one recording, and not to the plant: an error of the event's record, or a forced
         oscillation. Nothing follows from it for other recordings.
     recording : str
@@ -157,7 +157,7 @@ class Effect:
     beside: tuple[str, ...] = ()
     minima: int = 1
     smallest: Mapping[str, float] = field(default_factory=dict, hash=False)
-    occasional: bool = False
+    event_specific: bool = False
     recording: str = ""
 
     def __post_init__(self) -> None:

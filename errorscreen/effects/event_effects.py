@@ -47,7 +47,7 @@ def with_trip(event: Any, s: float, ends: tuple[int, int], circuit: str | None =
 FAULT_DURATION = Effect(
     "fault_duration", "Fault of another duration", "event", longer,
     (strength("d", 0.02, 0.1, "s", "event", "d", "additional duration; 0: as recorded", -0.05),), kind="event",
-    occasional=True,
+    event_specific=True,
     formula="clearing time = recorded + d",
     description="Protection cleared the fault later or earlier than the event list says: all channels are wrong from "
     "the recorded clearing on.",
@@ -57,7 +57,7 @@ FAULT_DURATION = Effect(
 FAULT_IMPEDANCE = Effect(
     "fault_impedance", "Fault with an impedance", "event", with_reactance,
     (strength("x", 0.01, 0.1, "pu", "event", "x", "additional reactance; 0: as recorded"),), kind="event",
-    occasional=True,
+    event_specific=True,
     formula="Zf = Zf* + j x",
     description="The fault was not bolted: the dip is less deep than in the simulation.",
     source="definition, (E2)",
@@ -85,7 +85,7 @@ def branch_trip(ends: tuple[int, int], circuit: str | None = None) -> Effect:
         "_".join(["trip", *names]), f"Branch {'-'.join(names)} opened with the fault", "event",
         partial(with_trip, ends=ends, circuit=circuit),
         (strength("s", 1.0, 1.0, "", "event", "s", "share of the branch that is opened; 0: none"),), kind="event",
-        occasional=True,
+        event_specific=True,
         formula="Y = (1 − s) Y* from clearing on",
         description="Protection cleared the fault by opening a branch, which the simulation leaves in service: another "
         "steady state and another swing.",

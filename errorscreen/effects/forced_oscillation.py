@@ -53,5 +53,5 @@ def forced_oscillation(port: str) -> Effect:
         source="NERC, Forced Oscillation Monitoring & Mitigation, 2017",
         confused_with=("a badly damped mode", "a governor"),
         minima=8,
-        occasional=True,
+        event_specific=True,
     )

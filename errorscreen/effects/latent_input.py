@@ -8,7 +8,7 @@ Piecewise linear between knots :math:`t_i`, zero before the event and after the 
 with hat functions :math:`\Lambda_i`. The knots lie closer together just after the event than later:
 :math:`s(t) = \sqrt{(t - t_e)/W}\,N` maps time after the event to the number of a knot, so that a window of W seconds
 after the event at :math:`t_e` holds N of them. The pulse, at a share c of the window and with a half width w that is no
-larger, shows what knots are too coarse for (`errorscreen.discovery.fine_detail`).
+larger, shows what knots are too coarse for (`errorscreen.discovery.unknown_input.fine_detail`).
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 r"""Loads that are no constant impedances: dependence on voltage and frequency, and motors.
 
-In per unit of the load's apparent power, with the quantities of `errorscreen.power.load`:
+In per unit of the load's apparent power, with the quantities of `errorscreen.models.loads.load`:
 
 .. math::
 

@@ -15,10 +15,10 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from errorscreen._runtime.threads import parallel_map, threads_left
 from errorscreen.engine.codegen import Layout, load_module
 from errorscreen.engine.stages import Model
 from errorscreen.exceptions import InputError
-from errorscreen.threads import side_by_side, threads_left
 
 #: simulations side by side, and those of small batches
 LANES, FEW_LANES = 32, 8
@@ -145,7 +145,7 @@ class Engine:
             partial(self._kernel(lanes), np.uint64(lanes), first, last, *arguments)
             for lanes, first, last in _tasks(n, threads)
         ]
-        side_by_side(tasks, threads)
+        parallel_map(tasks, threads)
         return out
 
     def acting(self, constants: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from errorscreen.data.observations import Observation
 from errorscreen.exceptions import InputError
-from errorscreen.observations import Observation
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

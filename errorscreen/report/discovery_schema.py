@@ -99,7 +99,7 @@ class Gain(Part):
     events: list[EventGain]
 
 
-class Place(Part):
+class InputLocation(Part):
     """A port at which an unknown signal would explain the recording."""
 
     device: str
@@ -178,7 +178,7 @@ class Discovery(Part):
     step: Number = Field(default=None, description="longest integration step of the extended model, in s")
     fits: list[ExtensionFit] = []
     cells: list[RemainingCell] = Field(description="what parameters alone leave beyond noise")
-    places: list[Place] = []
+    places: list[InputLocation] = []
     first_look: list[Contribution] = Field(
         default=[], description="the largest first; empty if not asked for"
     )

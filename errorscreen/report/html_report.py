@@ -11,9 +11,9 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from errorscreen._runtime.persistence import write_text_atomic
 from errorscreen.discovery.conclusions import probable
 from errorscreen.exceptions import InputError, unknown_name
-from errorscreen.persistence import write_text_atomic
 from errorscreen.report.result_schema import Result, Verdict
 
 if TYPE_CHECKING:

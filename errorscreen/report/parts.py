@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
-from errorscreen.persistence import to_jsonable
+from errorscreen._runtime.persistence import to_jsonable
 
 #: What a recording is for: fitted, fitted together with it in the search for causes only, or only judged on.
 Role = Literal["fit", "together", "held_out"]

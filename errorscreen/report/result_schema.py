@@ -10,9 +10,9 @@ from typing import Any, Literal
 
 from pydantic import Field, ValidationError
 
+from errorscreen._runtime.persistence import write_json_atomic, write_text_atomic
 from errorscreen.discovery import ChannelFit, StageError
 from errorscreen.exceptions import InputError
-from errorscreen.persistence import write_json_atomic, write_text_atomic
 from errorscreen.report.discovery_schema import Cause, Discovery, Gain, Group
 from errorscreen.report.parts import Fit, Number, ParameterResult, Part, Role
 

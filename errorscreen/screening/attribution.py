@@ -9,11 +9,11 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.base import clone
 from sklearn.utils.validation import check_is_fitted
 
+from errorscreen._runtime.sampling import generator
 from errorscreen.calibration import MAPCalibrator
 from errorscreen.exceptions import InputError, SimulationError, check_integer
-from errorscreen.generation import contribution_labels
+from errorscreen.learning.generation import contribution_labels
 from errorscreen.metrics import channel_weights, ranking
-from errorscreen.sampling import generator
 from errorscreen.screening.base import BaseScreener
 from errorscreen.simulators.base import Simulator
 from errorscreen.simulators.observations import as_observations

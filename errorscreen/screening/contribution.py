@@ -15,8 +15,8 @@ from sklearn.utils.validation import check_is_fitted
 from errorscreen.exceptions import InputError, check_integer
 from errorscreen.features import ChannelScaler, CWTTransformer, ErrorWhitener
 from errorscreen.features.checks import check_noise, check_stack
+from errorscreen.learning.regressors import CNNContributionRegressor
 from errorscreen.metrics import ranking
-from errorscreen.regressors import CNNContributionRegressor
 
 
 def contribution_pipeline(sampling_period: float = 1.0, random_state: Any = None) -> Pipeline:

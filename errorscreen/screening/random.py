@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from errorscreen.sampling import generator
+from errorscreen._runtime.sampling import generator
 from errorscreen.screening.base import BaseScreener
 from errorscreen.simulators.base import Simulator
 

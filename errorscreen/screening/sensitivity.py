@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from errorscreen.generation import local_sensitivity
+from errorscreen.learning.generation import local_sensitivity
 from errorscreen.screening.base import BaseScreener
 from errorscreen.simulators.base import Responses, Simulator
 from errorscreen.simulators.observations import as_observations

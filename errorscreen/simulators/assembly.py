@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from errorscreen.effects.base import Effect, Values
 from errorscreen.engine.stages import Call, Equations, Model, reads_of, stage, writes_of
 from errorscreen.exceptions import unknown_name
+from errorscreen.models.device import Device
 from errorscreen.power import elimination
-from errorscreen.power.device import Device
 
 #: states at the start, constants, rows with an equilibrium, all values by name, step, and steps a sample
 Prepared = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_], Values, float, int]

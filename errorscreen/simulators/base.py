@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from errorscreen.data.observations import Observation
 from errorscreen.effects.base import DURING, Effect
 from errorscreen.events import Event
 from errorscreen.exceptions import InputError, SimulationError, unknown_name
-from errorscreen.observations import Observation
 from errorscreen.parameters import ParameterSpace
 
 
@@ -248,7 +248,7 @@ class Simulator(ABC):
                     values |= {f"{effect.original}.{name}": column for name, column in own.items()}
         return values
 
-    def quantified(
+    def with_uncertainty(
         self, observation: Observation, theta: ArrayLike, estimated: ArrayLike | None = None
     ) -> Observation:
         """Return an observation with the uncertainty that it has if `theta` are the true parameters.
@@ -264,7 +264,7 @@ class Simulator(ABC):
         """
         return observation
 
-    def passed_noise(self, observation: Observation, theta: ArrayLike) -> NDArray[np.float64]:
+    def propagated_noise(self, observation: Observation, theta: ArrayLike) -> NDArray[np.float64]:
         """Energy of what each of D draws of the noise of injected signals makes, in squared deviations.
 
         Parameters
@@ -279,7 +279,7 @@ class Simulator(ABC):
         """
         return np.zeros((1, len(np.atleast_2d(theta)), len(self.channels)))
 
-    def settled(self, observation: Observation) -> Observation:
+    def fit_initial_state(self, observation: Observation) -> Observation:
         """Return a recording with what belongs to it alone estimated from its beginning, as an unknown initial state.
 
         Models are compared on recordings that were not fitted; each gets the start that suits it best, and nothing else

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from errorscreen.data.observations import Observation
+from errorscreen.data.recordings import Recording
 from errorscreen.events import Event
 from errorscreen.exceptions import InputError
-from errorscreen.observations import Observation
 from errorscreen.parameters import ParameterSpace
-from errorscreen.recordings import Recording
 from errorscreen.simulators.base import Simulator
 
 
@@ -94,17 +94,19 @@ def observed_after(
     )
 
 
-def settled_observations(simulator: Simulator, recordings: Any) -> list[Observation]:
+def with_initial_states(simulator: Simulator, recordings: Any) -> list[Observation]:
     """Return recordings to judge a fitted simulator on, each with the initial state that suits it best.
 
     Parameters
     ----------
     simulator : Simulator
-        With its fitted values as nominal ones, see `Simulator.settled`.
+        With its fitted values as nominal ones, see `Simulator.fit_initial_state`.
     recordings
         As in `as_observations`.
     """
-    return [simulator.settled(observation) for observation in as_observations(simulator, recordings)]
+    return [
+        simulator.fit_initial_state(observation) for observation in as_observations(simulator, recordings)
+    ]
 
 
 def check_names(parameters: ParameterSpace, names: Iterable[str] | None) -> tuple[str, ...]:

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator
 from scipy.signal import resample_poly
 
+from errorscreen.data.observations import Observation
+from errorscreen.data.recordings import Recording
+from errorscreen.data.resampling import SHORT_GAP
 from errorscreen.events import InputSignal
 from errorscreen.exceptions import InputError
-from errorscreen.observations import Observation
-from errorscreen.recordings import Recording
-from errorscreen.resampling import SHORT_GAP
 
 #: how inputs go on between their samples
 INTERPOLATIONS = ("linear", "hold", "cubic", "bandlimited")

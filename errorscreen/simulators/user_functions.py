@@ -136,7 +136,7 @@ def evaluate_once(
     return out
 
 
-def side_by_side(function: Function) -> Function:
+def parallel_map(function: Function) -> Function:
     """Evaluate a function of the user for several simulations: of these, ``ode_kernel.USER`` is the signature."""
 
     def rows(
@@ -180,7 +180,7 @@ def _pointer(function: Function, counted: bool) -> Any:
     """The same; counting references to arrays takes nine tenths of the time of a small function."""
     import numba
 
-    from errorscreen.simulators.ode_kernel import USER
+    from errorscreen.simulators.ode.kernel import USER
 
     row = numba.types.float64[::1]
     # what reads or writes beyond an array must not reach foreign memory
@@ -194,11 +194,11 @@ def _pointer(function: Function, counted: bool) -> Any:
             for j in range(out.shape[0]):
                 out[j] = np.nan
 
-    return numba.cfunc(USER, error_model="numpy", _nrt=False)(side_by_side(guarded))
+    return numba.cfunc(USER, error_model="numpy", _nrt=False)(parallel_map(guarded))
 
 
 def compile_all(functions: Sequence[Function], wanted: bool = True) -> tuple[bool, list[Any]]:
-    """Machine code of the functions, and whether there is any; `side_by_side` in Python where numba cannot,
+    """Machine code of the functions, and whether there is any; `parallel_map` in Python where numba cannot,
     or where it is not wanted.
 
     Warns
@@ -223,4 +223,4 @@ def compile_all(functions: Sequence[Function], wanted: bool = True) -> tuple[boo
             )
             wanted = False
             break
-    return wanted, compiled if wanted else [side_by_side(function) for function in functions]
+    return wanted, compiled if wanted else [parallel_map(function) for function in functions]

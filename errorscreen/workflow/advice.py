@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 
+from errorscreen.data.observations import Observation
 from errorscreen.discovery import Cause, CauseFinder, Gain, Group
 from errorscreen.discovery.conclusions import LITTLE, other_places, placebo_text
 from errorscreen.events import Playback
-from errorscreen.observations import Observation
 from errorscreen.simulators import Simulator
 
 #: assumptions about a recording that doubt its unit, base or sign
@@ -130,17 +130,17 @@ def _to_locate(finder: CauseFinder, refuted: bool) -> Iterator[str]:
     tried = len(finder.simulator.effects_named(finder.effects))
     if tried < whole and not refuted:
         yield f"{whole - tried} of {whole} effects of the library were not tried: search with all of them."
-    for place in finder.places_[:1]:
+    for place in finder.input_locations_[:1]:
         what = _ports(finder.simulator, place.device).get(place.place)
         named = "" if what is None else f"the {what.removesuffix(' in pu')}, and "
-        if max(other.explained for other in finder.places_) < LITTLE:
+        if max(other.explained for other in finder.input_locations_) < LITTLE:
             yield (
                 f"No signal at a single port explains even half of what parameters leave, the likeliest at "
                 f"{place.place} of the {place.device}: check time stamps and filters of the recorded channels against "
                 "each other first."
             )
             continue
-        alike = other_places(finder.places_)
+        alike = other_places(finder.input_locations_)
         also = f" (or at {alike})" if alike else ""
         yield (
             f"Something unknown enters at {place.place} of the {place.device}{also}: record {named}whatever acts on it."
@@ -158,7 +158,7 @@ def _to_locate(finder: CauseFinder, refuted: bool) -> Iterator[str]:
         )
     elif finder.causes_[0].kind != "unknown":
         yield "Give the noise of the channels, or choose a window in which nothing else moves before the event."
-    elif not finder.places_:
+    elif not finder.input_locations_:
         yield (
             "No place is known at which something enters: record more quantities inside the unit, and another event "
             f"of it to fit together with this one ({_TOGETHER})."

@@ -8,8 +8,8 @@ from typing import Any
 
 from errorscreen.calibration import MAPCalibrator, PSOCalibrator
 from errorscreen.cases.case_models import CalibrationSection, RunSection
+from errorscreen.data.observations import Observation
 from errorscreen.discovery import judge
-from errorscreen.observations import Observation
 from errorscreen.simulators.base import Simulator
 
 

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from errorscreen.cases.case_models import DiscoverySection, RunSection
-from errorscreen.discovery import Cause, CauseFinder, FirstLook, Place, Verdict
-from errorscreen.discovery.hypotheses import Hypothesis
-from errorscreen.discovery.ranking import half_width
+from errorscreen.data.observations import Observation
+from errorscreen.discovery import Cause, CauseFinder, FirstLook, InputLocation, Verdict
+from errorscreen.discovery.fits.hypotheses import Hypothesis
+from errorscreen.discovery.judge.ranking import half_width
 from errorscreen.effects.base import Effect
-from errorscreen.observations import Observation
-from errorscreen.regressors import import_network
+from errorscreen.learning.regressors import import_network
 from errorscreen.simulators.base import Simulator
 from errorscreen.workflow.advice import advice, doubts
 
@@ -111,7 +111,7 @@ def _responses(finder: CauseFinder, observations: Sequence[Observation]) -> dict
         for name, model in models.items():
             batch = model.simulate(model.parameters.nominal, observation.event)
             arrays[f"{name}-{n}"] = batch.values[0]
-    for n, place in enumerate(finder.places_):
+    for n, place in enumerate(finder.input_locations_):
         arrays[f"waveform-{n}"] = np.array([place.time, place.waveform])
     return arrays
 
@@ -134,7 +134,7 @@ def _label(finder: CauseFinder, observation: Observation) -> str:
 def _told(finder: CauseFinder) -> dict[str, Any]:
     """What the search found, as JSON values."""
     base = next(h for h in finder.hypotheses_ if not h.effects)
-    cells = finder.remainders_[base.name].significant[:_CELLS]
+    cells = finder.residual_tests_[base.name].significant[:_CELLS]
     best = finder.best_
     return {
         "verdict": asdict(finder.verdict_),
@@ -151,7 +151,7 @@ def _told(finder: CauseFinder) -> dict[str, Any]:
         "extension": [{"name": e.name, "recording": e.recording} for e in best.effects],
         "parameters": fitted_parameters(best, next((c for c in finder.causes_ if c.name == best.name), None)),
         "step": getattr(finder.extended_simulator_, "step", None),
-        "places": [_place(place) for place in finder.places_],
+        "places": [_place(place) for place in finder.input_locations_],
         "cells": [
             {k: v for k, v in asdict(cell).items() if k not in ("significant", "expected")} for cell in cells
         ],
@@ -160,7 +160,7 @@ def _told(finder: CauseFinder) -> dict[str, Any]:
             {
                 "name": h.name,
                 "chi2_per_sample": h.chi2_per_sample,
-                "p_value": finder.remainders_[h.name].p_value,
+                "p_value": finder.residual_tests_[h.name].p_value,
                 "evidence": finder.scores_[h.name] - finder.scores_[base.name],
             }
             for h in finder.hypotheses_
@@ -168,7 +168,7 @@ def _told(finder: CauseFinder) -> dict[str, Any]:
     }
 
 
-def _place(place: Place) -> dict[str, Any]:
+def _place(place: InputLocation) -> dict[str, Any]:
     """What stands in the result about one place beside its signal."""
     names = ("device", "place", "probability", "chi2_per_sample", "explained", "unit")
     return {name: getattr(place, name) for name in names} | {

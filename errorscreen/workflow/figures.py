@@ -8,11 +8,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from errorscreen.discovery import Cell, remainder_test
-from errorscreen.discovery.diagnosis import stage_limits, stage_names
+from errorscreen.data.observations import Observation
+from errorscreen.discovery import Cell, residual_test
+from errorscreen.discovery.judge.errors import stage_limits, stage_names
 from errorscreen.exceptions import InputError
 from errorscreen.features import CWTTransformer
-from errorscreen.observations import Observation
 from errorscreen.plotting import (
     plot_error_images,
     plot_intervals,
@@ -100,7 +100,7 @@ def _cells(observation: Observation, responses: NDArray[np.float64], random_stat
     """
     try:
         z = observation.deviations(responses)[observation.mask]
-        return remainder_test([observation], z, random_state=random_state).cells
+        return residual_test([observation], z, random_state=random_state).cells
     except InputError:  # the picture says something all the same
         return ()
 

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 from errorscreen.cases import Case
 from errorscreen.cases.model_sections import GridSection
+from errorscreen.data.observations import Observation
+from errorscreen.data.recordings import Recording
 from errorscreen.events import GridEvent
 from errorscreen.exceptions import ErrorscreenError, InputError
-from errorscreen.observations import Observation
-from errorscreen.recordings import Recording
 from errorscreen.simulators import PowerSystemSimulator
 
 

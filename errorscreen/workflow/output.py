@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import errorscreen
+from errorscreen.data.observations import Observation
 from errorscreen.metrics import top_k_overlap
-from errorscreen.observations import Observation
 from errorscreen.report import Result, write_report, write_result
 from errorscreen.report.discovery_schema import (
     Cause,
@@ -25,7 +25,7 @@ from errorscreen.report.discovery_schema import (
     Gain,
     Group,
     HypothesisFit,
-    Place,
+    InputLocation,
     RemainingCell,
 )
 from errorscreen.report.parts import ParameterResult, Role
@@ -141,7 +141,7 @@ def _discovery(discovered: Discovered, outcome: Outcome) -> Discovery:
         fits=list(_extension_fits(discovered, outcome)),
         cells=[RemainingCell(**cell) for cell in found["cells"]],
         places=[
-            Place(**place, time=time.tolist(), waveform=signal.tolist())
+            InputLocation(**place, time=time.tolist(), waveform=signal.tolist())
             for place, (time, signal) in zip(found["places"], signals, strict=True)
         ],
         first_look=[Contribution(**c) for c in found["first_look"]],

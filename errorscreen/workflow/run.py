@@ -13,12 +13,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from errorscreen._runtime.processes import in_subprocess
+from errorscreen.data.observations import Observation
 from errorscreen.discovery import Verdict, channel_fits, stage_errors
 from errorscreen.events import Playback
 from errorscreen.exceptions import InputError, SimulationError
-from errorscreen.observations import Observation
-from errorscreen.processes import beside
-from errorscreen.regressors import require_network
+from errorscreen.learning.regressors import require_network
 from errorscreen.simulators.base import REMEDIES, Simulator, Status
 from errorscreen.workflow.calibrate import calibrate_map, calibrate_pso
 from errorscreen.workflow.discover import discover_causes
@@ -121,7 +121,7 @@ def _fitting(
         return
     require_network()
     report(f"screening by {', '.join(study.screening.methods)} and calibration, beside what follows")
-    with beside(_fitted, study, StageStore(store.root), False, lambda line: None) as call:
+    with in_subprocess(_fitted, study, StageStore(store.root), False, lambda line: None) as call:
 
         def rest() -> _Fitted:
             if not call.done:

@@ -13,12 +13,12 @@ from threadpoolctl import threadpool_limits
 
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.cases.case_models import RunSection, ScreeningSection
-from errorscreen.discovery.rough_step import rough_step
+from errorscreen.data.observations import Observation
+from errorscreen.discovery.fits.rough_step import rough_step
 from errorscreen.features import ResponseErrorTransformer
-from errorscreen.generation import generate_dataset
+from errorscreen.learning.generation import generate_dataset
+from errorscreen.learning.regressors import import_network
 from errorscreen.metrics import ranking
-from errorscreen.observations import Observation
-from errorscreen.regressors import import_network
 from errorscreen.screening import (
     ContributionScreener,
     RandomScreener,

@@ -6,8 +6,8 @@ import contextlib
 from collections.abc import Sequence
 
 from errorscreen.cases.case_models import DiscoverySection
+from errorscreen.data.observations import Observation
 from errorscreen.exceptions import InputError
-from errorscreen.observations import Observation
 from errorscreen.simulators import PowerSystemSimulator
 from errorscreen.simulators.base import Simulator
 

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from errorscreen._runtime.persistence import load_arrays, save_arrays
 from errorscreen.exceptions import InputError
-from errorscreen.persistence import load_arrays, save_arrays
 
 _FORMAT, _VERSION = "errorscreen-stage", 4
 Stage = tuple[dict[str, Any], dict[str, Any]]

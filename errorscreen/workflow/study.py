@@ -9,16 +9,16 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from errorscreen._runtime.checkpoint import digest, program
 from errorscreen.cases import Case
 from errorscreen.cases.case_models import CalibrationSection, DiscoverySection, RunSection, ScreeningSection
-from errorscreen.checkpoint import digest, program
+from errorscreen.data.observations import Observation
+from errorscreen.data.recordings import Recording
+from errorscreen.data.resampling import check_steps
 from errorscreen.discovery import ChannelFit, StageError, Verdict
 from errorscreen.exceptions import InputError
-from errorscreen.generation import local_sensitivity
-from errorscreen.observations import Observation
-from errorscreen.recordings import Recording
+from errorscreen.learning.generation import local_sensitivity
 from errorscreen.report.parts import Role
-from errorscreen.resampling import check_steps
 from errorscreen.simulators import PlantSimulator
 from errorscreen.simulators.base import Simulator
 from errorscreen.workflow.advice import doubts

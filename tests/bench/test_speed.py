@@ -7,7 +7,7 @@ import pytest
 from errorscreen.bench import speed, timing
 from errorscreen.cli import main
 from errorscreen.exceptions import MissingExtraError
-from errorscreen.power import DEVICES
+from errorscreen.models import DEVICES
 
 
 @pytest.mark.slow

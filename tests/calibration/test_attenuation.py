@@ -5,10 +5,10 @@ import pytest
 
 from errorscreen.bench.plant_scenarios import draw_plant_scenario
 from errorscreen.calibration import MAPCalibrator
-from errorscreen.calibration.attenuation import noise_slope, relieved
+from errorscreen.calibration.attenuation import bias_corrected, noise_slope
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.calibration.search import BoundedSearch
-from errorscreen.observations import Observation
+from errorscreen.data.observations import Observation
 from tests.simulators.models import oscillator
 
 
@@ -42,7 +42,7 @@ def test_fits_come_as_near_to_hidden_parameters_as_the_linear_model_says():
         hidden = noisy(seed)
         problem = FitProblem(hidden.simulator, list(hidden.recordings))
         search = searched(problem, (hidden.theta - problem.space.nominal) / problem.space.scales)
-        pair = [relieved(search, problem).best, search.best]  # both with a Jacobian now
+        pair = [bias_corrected(search, problem).best, search.best]  # both with a Jacobian now
         found.append([distance(hidden, track.u, track.jacobian, problem) for track in pair])
     without, biased = np.sqrt(np.mean(np.square(found), axis=0) / len(problem.names))
     assert without < 1.5  # six draws of eight parameters: 1.0 give or take a tenth
@@ -76,7 +76,7 @@ def test_the_energy_grows_with_the_variance_of_the_noise():
         hidden = noisy(5, noise_db)
         observation = hidden.recordings[0]
         simulator = hidden.simulator
-        energy = simulator.passed_noise(observation, simulator.parameters.nominal[None])
+        energy = simulator.propagated_noise(observation, simulator.parameters.nominal[None])
         energies.append(energy.mean(axis=0)[0] * observation.noise**2)
     np.testing.assert_allclose(energies[0], 100 * energies[1], rtol=0.3)
 
@@ -88,4 +88,4 @@ def test_without_injected_noise_a_fit_stays_where_it_is():
     problem = FitProblem(simulator, Observation(simulator.event, y, np.array([0.05]), ("position",), ("m",)))
     search = searched(problem, np.zeros(len(problem.names)))
     assert not problem.passes_noise
-    np.testing.assert_array_equal(relieved(search, problem).best.u, search.best.u)
+    np.testing.assert_array_equal(bias_corrected(search, problem).best.u, search.best.u)

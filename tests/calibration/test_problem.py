@@ -3,11 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from errorscreen._runtime.sampling import latin_hypercube
 from errorscreen.calibration import problem as module
 from errorscreen.calibration.problem import FitProblem
+from errorscreen.data.observations import Observation
 from errorscreen.metrics import objective, response_error
-from errorscreen.observations import Observation
-from errorscreen.sampling import latin_hypercube
 from tests.plants import dip, plant
 from tests.toys import TIME, Pulse, oscillator
 

@@ -7,8 +7,8 @@ import pytest
 from errorscreen.cases.case_file import _sections, case_reference, load_case
 from errorscreen.cases.case_models import ColumnSection
 from errorscreen.cases.model_sections import ParameterSection
+from errorscreen.data import Column
 from errorscreen.exceptions import InputError
-from errorscreen.io import Column
 from errorscreen.parameters import Parameter
 
 GOOD = """

@@ -10,7 +10,7 @@ from errorscreen.cases import ieee39_events, load_ieee39
 from errorscreen.cases.ieee39_data import MACHINES, ieee39_network
 from errorscreen.engine import Engine
 from errorscreen.events import BusFault, GridEvent
-from errorscreen.power import DEVICES, FixedMachine
+from errorscreen.models import DEVICES, FixedMachine
 from errorscreen.simulators import PowerSystemSimulator
 from errorscreen.testing import check_simulator
 from tests.plants import random_rows

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.discovery.hypotheses import JointFit
+from errorscreen.data.observations import Observation
+from errorscreen.data.recordings import Recording
+from errorscreen.discovery.fits.hypotheses import JointFit
 from errorscreen.events import Event, InputSignal
-from errorscreen.observations import Observation
 from errorscreen.parameters import Parameter
-from errorscreen.recordings import Recording
 from errorscreen.simulators import CallableSimulator, ODESimulator
 from tests.plants import dip, plant
 from tests.simulators.models import oscillator, push

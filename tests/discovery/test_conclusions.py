@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from errorscreen.bench.plant_scenarios import draw_plant_scenario
-from errorscreen.discovery import CauseFinder, EventGain, Gain, Place, conclusions
-from errorscreen.discovery.separation import group_of
+from errorscreen.discovery import CauseFinder, EventGain, Gain, InputLocation, conclusions
+from errorscreen.discovery.judge.separation import group_of
 from errorscreen.effects import GOVERNOR, STABILISER, measurement_effects
 from errorscreen.simulators import PlantSimulator
 
@@ -93,7 +93,9 @@ def test_sentences_say_what_was_tried(twins):
 
 
 def test_a_place_says_how_much_it_explains():
-    place = Place("synchronous_machine", "Efd", 0.9, 1.1, np.zeros(2), np.zeros(2), (), explained=0.9996)
+    place = InputLocation(
+        "synchronous_machine", "Efd", 0.9, 1.1, np.zeros(2), np.zeros(2), (), explained=0.9996
+    )
     text = conclusions.place_text([place], None)
     assert "99.9 % of what parameters leave" in text
     assert "little" not in text

@@ -10,12 +10,13 @@ from errorscreen.bench.discovery import run_scenario
 from errorscreen.bench.plant_scenarios import draw_plant_scenario
 from errorscreen.bench.trap_scenarios import draw_trap_scenario
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.discovery import CauseFinder, Group, conclusions, measure_gain, refinement
-from errorscreen.discovery.hypotheses import fit_hypothesis
-from errorscreen.discovery.refinement import WORTH
+from errorscreen.data.observations import Observation
+from errorscreen.discovery import CauseFinder, Group, conclusions, measure_gain
+from errorscreen.discovery.fits.hypotheses import fit_hypothesis
+from errorscreen.discovery.search import refinement
+from errorscreen.discovery.search.refinement import WORTH
 from errorscreen.events import Event
 from errorscreen.exceptions import DataWarning, InputError
-from errorscreen.observations import Observation
 from errorscreen.parameters import Parameter
 from errorscreen.simulators import CallableSimulator
 from tests.plants import plant
@@ -62,10 +63,11 @@ def test_what_no_library_holds_is_unknown_and_placed():
     finder = CauseFinder(hidden.simulator, random_state=0).fit(list(hidden.recordings))
     assert finder.verdict_.kind == "unknown"
     assert finder.causes_[0].name == "unknown"
-    assert (finder.places_[0].device, finder.places_[0].place) == ("synchronous_machine", hidden.place)
+    first = finder.input_locations_[0]
+    assert (first.device, first.place) == ("synchronous_machine", hidden.place)
     assert hidden.place in finder.verdict_.text
-    assert sum(p.probability for p in finder.places_) == pytest.approx(1)
-    alike = [p for p in finder.places_ if p.probability >= conclusions.ALIKE * finder.places_[0].probability]
+    assert sum(p.probability for p in finder.input_locations_) == pytest.approx(1)
+    alike = [p for p in finder.input_locations_ if p.probability >= conclusions.ALIKE * first.probability]
     assert [g.names for g in finder.groups_] == ([tuple(p.name for p in alike)] if len(alike) > 1 else [])
     # without an effect the extended model is the recalibrated one
     assert finder.extended_simulator_.parameters.names == hidden.simulator.parameters.names
@@ -139,8 +141,8 @@ def test_an_extension_without_gain_is_withdrawn(found):
     assert [c.name for c in finder.causes_[:2]] == ["unknown", first.name]
     assert finder.causes_[1].withdrawn
     assert sum(c.probability for c in finder.causes_) == pytest.approx(1)
-    assert finder.places_[0].place == hidden.place
-    assert finder.places_[0].place in finder.verdict_.text
+    assert finder.input_locations_[0].place == hidden.place
+    assert finder.input_locations_[0].place in finder.verdict_.text
     assert finder.n_simulations_ > before
 
 
@@ -179,7 +181,7 @@ def test_a_relay_in_a_local_minimum_is_not_mended_by_a_second_effect():
 def test_a_perfect_model_is_within_noise():
     hidden = draw_plant_scenario(1, 40.0, kind="nothing", device="pv_plant")
     true = plant("pv_plant", hidden.recordings[0].event).with_nominal(hidden.theta)
-    recordings = [true.quantified(o, hidden.theta) for o in hidden.recordings]
+    recordings = [true.with_uncertainty(o, hidden.theta) for o in hidden.recordings]
     finder = CauseFinder(true, random_state=0, n_starts=1).fit(recordings)
     assert finder.verdict_.kind == "within-noise"
     assert list(finder.signatures_) == []

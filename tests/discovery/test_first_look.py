@@ -9,7 +9,7 @@ from errorscreen.bench.plant_scenarios import draw_plant_scenario
 from errorscreen.discovery import FirstLook, effect_dataset
 from errorscreen.exceptions import InputError
 from errorscreen.features import CWTTransformer
-from errorscreen.generation import contribution_labels
+from errorscreen.learning.generation import contribution_labels
 from tests.plants import plant
 from tests.toys import oscillator
 

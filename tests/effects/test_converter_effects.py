@@ -8,13 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from errorscreen.data.observations import Observation
 from errorscreen.discovery import CauseFinder
 from errorscreen.effects.ramp_limit import ramp_limit
 from errorscreen.events import Playback
-from errorscreen.observations import Observation
 from errorscreen.simulators import PowerSystemSimulator
 from tests.plants import OPERATING_POINT, dip, plant, random_rows
-from tests.simulators.test_power_system import FAULT, MACHINES, UNITS, network
+from tests.simulators.grid.test_simulator import FAULT, MACHINES, UNITS, network
 
 CONVERTERS = ("dfig_plant", "pv_plant")
 #: parameter that limits the rise in the device itself

@@ -8,8 +8,8 @@ from scipy.interpolate import PchipInterpolator
 from errorscreen.effects import LIBRARY
 from errorscreen.effects.ride_through import RIDE_THROUGH, RIDE_THROUGH_TRIP
 from errorscreen.exceptions import InputError
+from tests.models.reference import Machine
 from tests.plants import DEVICE_NAMES, dip, flat, plant, random_rows
-from tests.power.reference import Machine
 
 PAIRS = [(device, effect.name) for device in DEVICE_NAMES for effect in plant(device).effects]
 #: they act by themselves, or on the record as a whole

@@ -6,9 +6,9 @@ import pytest
 from matplotlib.figure import Figure
 
 from errorscreen import plotting
+from errorscreen.data.observations import Observation
 from errorscreen.events import Event
 from errorscreen.exceptions import InputError
-from errorscreen.observations import Observation
 from errorscreen.plotting.charts import DYNAMIC_RANGE
 
 TIME = np.linspace(0, 4, 81)

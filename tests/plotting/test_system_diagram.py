@@ -17,7 +17,7 @@ from errorscreen.plotting import plot_system
 from errorscreen.plotting.system_diagram import EVENT, OBSERVED, TESTED, _is_transformer
 from errorscreen.power.elements import Branch, Bus
 from errorscreen.power.network import Network
-from tests.simulators.test_power_system import TIME, system
+from tests.simulators.grid.test_simulator import TIME, system
 
 CASE = load_ieee39()
 SMALL = system()

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from errorscreen.power.load_flow import solve_load_flow
-from tests.power.reference import DEVICES, Machine
+from tests.models.reference import DEVICES, Machine
 
 
 def real(z):

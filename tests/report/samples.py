@@ -12,7 +12,7 @@ from errorscreen.report.discovery_schema import (
     ExtensionFit,
     Gain,
     HypothesisFit,
-    Place,
+    InputLocation,
 )
 from errorscreen.report.parts import ParameterResult
 from errorscreen.report.result_schema import (
@@ -156,7 +156,7 @@ def withdrawn():
     verdict = Verdict(
         kind="unknown", text="It gains nothing.", causes=[unknown, cause(probability=0.0, withdrawn=True)]
     )
-    place = Place(
+    place = InputLocation(
         device="synchronous_machine", place="Efd", probability=0.9, chi2_per_sample=1.2, follows=[("V", -0.8)],
         explained=0.95, unit="pu", time=[0.0, 1.0], waveform=[0.0, 0.2],
     )  # fmt: skip

@@ -9,9 +9,9 @@ from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from errorscreen.exceptions import InputError
 from errorscreen.features import ChannelScaler, CWTTransformer, ErrorWhitener, ResponseErrorTransformer
-from errorscreen.generation import generate_dataset
+from errorscreen.learning.generation import generate_dataset
+from errorscreen.learning.regressors import CNNContributionRegressor
 from errorscreen.metrics import top_k_overlap
-from errorscreen.regressors import CNNContributionRegressor
 from errorscreen.screening import ContributionScreener, contribution_pipeline
 from tests.plants import dip, plant
 

@@ -5,15 +5,15 @@ import numpy as np
 import pytest
 
 from errorscreen.cases.demo import demo_recordings
-from errorscreen.discovery import Cause, Gain, Group, Place
-from errorscreen.power import DEVICES
-from errorscreen.recordings import Recording
+from errorscreen.data.recordings import Recording
+from errorscreen.discovery import Cause, Gain, Group, InputLocation
+from errorscreen.models import DEVICES
 from errorscreen.simulators import PlantSimulator
 from errorscreen.workflow.advice import advice, doubts
 
 UNKNOWN = Cause("unknown", "Unknown", "unknown", 0.1, "", {}, 0.0, False)
 EXCITER = Cause("exciter", "Excitation control", "effect", 0.9, "Efd", {}, 0.99, True)
-PLACE = Place("synchronous_machine", "Efd", 0.9, 1.1, np.zeros(2), np.zeros(2), ())
+PLACE = InputLocation("synchronous_machine", "Efd", 0.9, 1.1, np.zeros(2), np.zeros(2), ())
 HINTS = ["trip: P before the event is 72 pu: check its unit and base_mva."]
 
 
@@ -31,7 +31,7 @@ def finder(kind, *causes, groups=(), places=(), effects=None):
         verdict_=verdict,
         causes_=list(causes),
         groups_=list(groups),
-        places_=list(places),
+        input_locations_=list(places),
         simulator=simulator,
         effects=effects,
     )

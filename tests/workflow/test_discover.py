@@ -8,10 +8,10 @@ import pytest
 
 from errorscreen.bench.plant_scenarios import draw_plant_scenario
 from errorscreen.cases.case_models import DiscoverySection
+from errorscreen.data.observations import Observation
 from errorscreen.discovery import Cause
 from errorscreen.effects import EXCITER
 from errorscreen.effects.forced_oscillation import forced_oscillation
-from errorscreen.observations import Observation
 from errorscreen.parameters import Parameter, ParameterSpace
 from errorscreen.report import read_result
 from errorscreen.report.html_report import EVENT_HEADLINE

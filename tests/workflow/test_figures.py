@@ -2,8 +2,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from errorscreen.data.observations import Observation
 from errorscreen.events import Event
-from errorscreen.observations import Observation
 from errorscreen.workflow.figures import figures
 
 TIME = np.arange(400) * 0.02

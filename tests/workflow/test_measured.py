@@ -97,9 +97,9 @@ def test_what_a_grid_fault_tells_of_a_hydro_unit_is_where_to_measure():
     finder = CauseFinder(study.simulator, random_state=study.run.random_state).fit(study.observation)
     assert finder.verdict_.kind == "unknown"
     assert finder.best_.at_rest
-    first = finder.places_[0]
+    first = finder.input_locations_[0]
     assert (first.device, first.place) == ("synchronous_machine", "Efd")
     assert first.explained > 0.5
     assert "record the field voltage" in " ".join(advice(finder, None))
-    alike = [p.name for p in finder.places_ if p.probability >= ALIKE * first.probability]
+    alike = [p.name for p in finder.input_locations_ if p.probability >= ALIKE * first.probability]
     assert [list(group.names) for group in finder.groups_] == ([alike] if len(alike) > 1 else [])

@@ -7,9 +7,9 @@ import pytest
 
 from errorscreen.cases import ieee39_events, load_ieee39
 from errorscreen.cases.case_models import DiscoverySection
+from errorscreen.data.observations import Observation
 from errorscreen.events import InputSignal
 from errorscreen.exceptions import InputError
-from errorscreen.observations import Observation
 from errorscreen.parameters import Parameter
 from errorscreen.simulators import CallableSimulator
 from errorscreen.workflow.search_step import search_simulator

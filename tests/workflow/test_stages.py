@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from errorscreen._runtime.persistence import save_arrays
 from errorscreen.exceptions import InputError
-from errorscreen.persistence import save_arrays
 from errorscreen.workflow.stages import StageStore
 
 KEY = "a" * 64

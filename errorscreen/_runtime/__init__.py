@@ -1,0 +1,1 @@
+"""Threads, processes, files and random numbers that all rooms share."""

@@ -1,0 +1,155 @@
+"""What runs on one thread so that a result does not depend on how many cores a machine has, and what on several."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor, wait
+from functools import cache, wraps
+from threading import Lock, local
+from typing import Any, Generic, ParamSpec, TypeVar
+
+from threadpoolctl import threadpool_limits
+
+_P = ParamSpec("_P")
+_T = TypeVar("_T")
+_GROUP = local()
+#: threads beside the callers' own
+_MOST = 128
+
+
+def one_blas_thread(function: Callable[_P, _T]) -> Callable[_P, _T]:
+    """Let a function's matrix products run on one thread.
+
+    On several threads a product is summed in another order, and the last digits differ. A search with many local
+    minima, such as those of thresholds and timers, can then end in another one. Simulations keep their threads; their
+    results do not depend on these.
+
+    Parameters
+    ----------
+    function : callable
+
+    Returns
+    -------
+    callable
+        The same, with BLAS limited to one thread while it runs.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> product = one_blas_thread(np.matmul)
+    >>> float(product(np.ones(3), np.ones(3)))
+    3.0
+    """
+
+    @wraps(function)
+    def limited(*args: _P.args, **kwargs: _P.kwargs) -> _T:
+        with threadpool_limits(limits=1, user_api="blas"):
+            return function(*args, **kwargs)
+
+    return limited
+
+
+def parallel_map(calls: Iterable[Callable[[], _T]], threads: int) -> list[_T]:
+    """Results of some calls in their order, made in so many threads, of which the caller's is one.
+
+    Worth it where most of the time is spent in compiled code that releases the interpreter lock. Each call must have
+    its own random numbers, so that its result does not depend on the others. After an exception nothing more begins,
+    and after Ctrl-C nothing is waited for.
+
+    Parameters
+    ----------
+    calls : iterable of callable
+        Without arguments.
+    threads : int
+        With one, nothing is started, and calls may use threads of their own.
+
+    Returns
+    -------
+    list
+
+    Examples
+    --------
+    >>> from functools import partial
+    >>> parallel_map([partial(abs, -1), partial(abs, -2)], threads=2)
+    [1, 2]
+    """
+    calls = list(calls)
+    threads = threads_left(threads)
+    if threads <= 1 or len(calls) <= 1:
+        return [call() for call in calls]
+    group = _Group(calls, threads)
+    helpers = [_pool().submit(group.work) for _ in range(min(threads, len(calls)) - 1)]
+    try:
+        group.work()
+        running = [helper for helper in helpers if not helper.cancel()]
+        if not isinstance(group.error, KeyboardInterrupt):
+            wait(running)
+    except KeyboardInterrupt:
+        group.end()
+        raise
+    if group.error is not None:
+        raise group.error
+    return group.results
+
+
+def threads_left(threads: int) -> int:
+    """As many threads, or fewer inside of a call that runs beside others.
+
+    These share the cores already; the last of them have those of the others that have ended.
+    """
+    group: _Group[Any] | None = getattr(_GROUP, "now", None)
+    return threads if group is None else min(threads, group.share)
+
+
+class _Group(Generic[_T]):
+    """Calls that some threads share: each takes the next one as long as there is one."""
+
+    def __init__(self, calls: list[Callable[[], _T]], threads: int) -> None:
+        self._calls, self._threads, self._lock = calls, threads, Lock()
+        self._begun, self._left = 0, len(calls)
+        self.results: list[Any] = [None] * len(calls)
+        self.error: BaseException | None = None
+
+    @property
+    def share(self) -> int:
+        """Threads for each of the calls that have not ended."""
+        return max(1, self._threads // max(1, self._left))
+
+    def work(self) -> None:
+        """Make calls until all have begun."""
+        outer, _GROUP.now = getattr(_GROUP, "now", None), self
+        try:
+            while (number := self._next()) < len(self._calls):
+                try:
+                    self.results[number] = self._calls[number]()
+                except BaseException as error:
+                    self.error = self.error or error
+                    self.end()
+                with self._lock:
+                    self._left -= 1
+        finally:
+            _GROUP.now = outer
+
+    def end(self) -> None:
+        """Let no more calls begin."""
+        with self._lock:
+            self._begun = len(self._calls)
+
+    def _next(self) -> int:
+        with self._lock:
+            number, self._begun = self._begun, self._begun + 1
+            return number
+
+
+@cache
+def _pool() -> ThreadPoolExecutor:
+    """Threads that wait for calls: to start one takes as long as a small batch of simulations.
+
+    There are as many as were ever needed at a time. Where none is free, the caller makes all calls itself.
+    """
+    return ThreadPoolExecutor(_MOST)
+
+
+# threads do not survive a fork
+os.register_at_fork(after_in_child=_pool.cache_clear)

@@ -1,0 +1,159 @@
+"""A recording as one simulator sees it, with all that is uncertain about it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from errorscreen.events import Event
+
+
+@dataclass(frozen=True)
+class Observation:
+    """A recording as one simulator sees it: its channels, on its time grid.
+
+    Parameters
+    ----------
+    event : Event
+        What the simulator has to be driven with to reproduce it; ``event.time`` is the time axis (L,).
+    values : ndarray of shape (R, L)
+        Measured channels; NaN where nothing was measured.
+    noise : ndarray of shape (R,)
+        Standard deviation of the measurement noise of each channel, in the channel's unit; positive.
+    channels : tuple of str
+    units : tuple of str
+    assumptions : tuple of str
+        Sentences on what was assumed about the data, for the report.
+    extra : ndarray of shape (R, L), optional
+        Standard deviation of what the simulator cannot know at single samples, for example because an injected
+        signal is not known between its samples; 0 where not given.
+    level_std : ndarray of shape (R,), optional
+        Standard error of the level before the event that the simulation starts from; 0 where not given.
+    modes : ndarray of shape (K, R, L), optional
+        Slow errors that the noise of injected signals makes behind the dynamics of the model: each mode times an
+        independent standard normal number adds to the errors. None where not given.
+    propagated : ndarray of shape (R,), optional
+        Energy of what the noise of injected signals makes in the model that `noise`, `extra` and `modes` were estimated
+        with, in squared deviations, see `Simulator.propagated_noise`. None where nothing is injected.
+    """
+
+    event: Event
+    values: NDArray[np.float64]
+    noise: NDArray[np.float64]
+    channels: tuple[str, ...]
+    units: tuple[str, ...]
+    assumptions: tuple[str, ...] = ()
+    extra: NDArray[np.float64] | None = None
+    level_std: NDArray[np.float64] | None = None
+    modes: NDArray[np.float64] | None = None
+    propagated: NDArray[np.float64] | None = None
+
+    @cached_property
+    def sigma(self) -> NDArray[np.float64]:
+        """Standard deviation of each sample, shape (R, L)."""
+        extra = np.zeros(self.values.shape) if self.extra is None else self.extra
+        return np.hypot(np.asarray(self.noise, dtype=float)[:, None], extra)
+
+    def deviations(self, responses: ArrayLike) -> NDArray[np.float64]:
+        r"""Simulated minus measured in multiples of what is uncertain.
+
+        A simulation starts from the mean of the quiet part, which is known to `level_std`, so all samples after the
+        start of the event share an unknown offset; `modes` are unknown slow errors. The errors e are multiplied by the
+        inverse square root of their covariance :math:`\Sigma = \mathrm{diag}(\sigma^2) + B B^T` with the offsets and
+        modes as columns of B, which has the closed form
+
+        .. math:: z = \frac{e}{\sigma} - U \Big(I - (I + S^2)^{-1/2}\Big) U^T \frac{e}{\sigma},
+           \quad \frac{B}{\sigma} = U S V^T
+
+        so that the sum of squares of z is χ² and about the number of measured values for a right simulation.
+
+        Parameters
+        ----------
+        responses : array-like of shape (..., R, L)
+
+        Returns
+        -------
+        ndarray of shape (..., R, L)
+            NaN where nothing was measured.
+
+        Examples
+        --------
+        >>> event = Event(np.arange(4.0), start=2.0)
+        >>> values, noise, level = np.zeros((1, 4)), np.ones(1), np.array([1.0])
+        >>> seen = Observation(event, values, noise, ("P",), ("pu",), level_std=level)
+        >>> seen.deviations([[0.0, 0.0, 1.0, 1.0]]).round(3)
+        array([[0.   , 0.   , 0.577, 0.577]])
+        """
+        z = np.asarray(responses, dtype=float) - self.values
+        z /= self.sigma
+        U, shrink = self._shared
+        if not len(shrink):
+            return z
+        # a failed simulation stays NaN, a gap must not spread
+        known = z if self.mask.all() else np.where(self.mask, z, 0.0)
+        along = known.reshape(*z.shape[:-2], -1) @ U
+        z -= ((along * shrink) @ U.T).reshape(z.shape)
+        return z
+
+    @cached_property
+    def _shared(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Orthonormal directions (R L, K) of what samples share, and by how much errors along them are shrunk (K,)."""
+        columns = [] if self.modes is None else list(np.asarray(self.modes, dtype=float))
+        if self.level_std is not None:
+            after = self.time >= self.event.start - 1e-9
+            for r, std in enumerate(np.asarray(self.level_std, dtype=float)):
+                if std > 0:
+                    column = np.zeros(self.values.shape)
+                    column[r, after] = std
+                    columns.append(column)
+        if not columns:
+            return np.zeros((self.values.size, 0)), np.zeros(0)
+        B = np.array([np.where(self.mask, column / self.sigma, 0.0).ravel() for column in columns]).T
+        U, S, _ = np.linalg.svd(B, full_matrices=False)
+        return U, 1.0 - 1.0 / np.sqrt(1.0 + S**2)
+
+    def first(self, samples: int) -> Observation:
+        """Return what was observed at the first instants of the time axis only, each time the same object.
+
+        A search fits many models to the same parts, and what is prepared for one of them is then there for all.
+
+        Parameters
+        ----------
+        samples : int
+            From 2 to L.
+
+        Examples
+        --------
+        >>> event = Event(np.arange(4.0), start=1.0)
+        >>> seen = Observation(event, np.array([[0.0, 0.1, 0.3, 0.2]]), np.ones(1), ("P",), ("pu",))
+        >>> seen.first(3).values
+        array([[0. , 0.1, 0.3]])
+        """
+        if samples not in self._first:
+            part = replace(
+                self,
+                event=self.event.first(samples),
+                values=self.values[:, :samples],
+                extra=None if self.extra is None else self.extra[:, :samples],
+                modes=None if self.modes is None else np.asarray(self.modes)[..., :samples],
+                propagated=None,  # that of the whole
+            )
+            self._first.setdefault(samples, part)  # another thread may have been first
+        return self._first[samples]
+
+    @cached_property
+    def _first(self) -> dict[int, Observation]:
+        return {}
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """Time axis in seconds, shape (L,)."""
+        return self.event.time
+
+    @cached_property
+    def mask(self) -> NDArray[np.bool_]:
+        """True where a value was measured, shape (R, L)."""
+        return np.isfinite(self.values)

@@ -1,0 +1,204 @@
+"""Reading recordings from text files with one header row."""
+
+from __future__ import annotations
+
+import csv
+import difflib
+import io
+import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from errorscreen.data.frames import Specs, build_recording
+from errorscreen.data.recordings import Recording
+from errorscreen.data.table import Table
+from errorscreen.data.units import Bases
+from errorscreen.exceptions import InputError
+
+DELIMITERS = (",", ";", "\t")
+
+
+def read_csv(
+    path: str | os.PathLike[str],
+    columns: Specs,
+    *,
+    base_mva: float,
+    f_nominal: float,
+    base_kv: float | None = None,
+    time: str = "time",
+    time_unit: str = "s",
+    name: str | None = None,
+    event_time: float | None = None,
+    t_start: float | None = None,
+    t_end: float | None = None,
+    noise: Mapping[str, float] | None = None,
+    held: str = "drop",
+    missing: Iterable[str] = (),
+    on_backward: str = "error",
+    max_missing: float = 0.4,
+    delimiter: str | None = None,
+    decimal: str = ".",
+    encoding: str = "utf-8-sig",
+    skip_rows: int = 0,
+) -> Recording:
+    r"""Read a recording from a text file with one header row.
+
+    Nothing is repaired in silence: what was assumed, dropped, sorted or averaged is written down in
+    `Recording.assumptions`.
+
+    Parameters
+    ----------
+    path : path-like
+    columns, base_mva, f_nominal, base_kv, time_unit, event_time, t_start, t_end, noise, held, missing
+        As in `from_frame`.
+    on_backward, max_missing
+        As in `from_frame`.
+    time : str
+        Header of the time stamps.
+    name : str, optional
+        The file's name without ending where not given.
+    delimiter : str, optional
+        Comma, semicolon or tabulator, whichever the header holds most of, where not given.
+    decimal : {".", ","}
+    encoding : str
+        A byte-order mark is understood by the default.
+    skip_rows : int
+        Lines above the header.
+
+    Returns
+    -------
+    Recording
+
+    Raises
+    ------
+    InputError
+        If something cannot be used; it says what, where (file, line, column), what is allowed, and what to do.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> from errorscreen.data import Column
+    >>> rows = [f"{0.1 * k:.1f},{20.0 if k < 20 else 18.0},{30.0 if k < 20 else 27.0}" for k in range(60)]
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "dip.csv")
+    ...     _ = path.write_text("time,U,P\n" + "\n".join(rows))
+    ...     columns = {"V": Column("U", unit="kV"), "P": Column("P", unit="MW")}
+    ...     rec = read_csv(path, columns, base_mva=50, base_kv=20, f_nominal=50)
+    >>> rec.initial(["V", "P"]), rec.event_time
+    ({'V': 1.0, 'P': 0.6}, 2.0)
+    """
+    path = Path(path)
+    source = f"file {path}"
+    if decimal not in (".", ","):
+        raise InputError(f"decimal is {decimal!r}", where=source, allowed="'.' or ','")
+    table = read_table(path, delimiter=delimiter, decimal=decimal, encoding=encoding, skip_rows=skip_rows)
+    return build_recording(
+        table, columns, time, time_unit, Bases(base_mva, base_kv, f_nominal), missing=missing,
+        decimal=decimal, on_backward=on_backward, max_missing=max_missing, window=(t_start, t_end),
+        name=path.stem if name is None else name, event_time=event_time, noise=noise, held=held,
+    )  # fmt: skip
+
+
+def read_table(
+    path: Path,
+    *,
+    delimiter: str | None = None,
+    decimal: str = ".",
+    encoding: str = "utf-8-sig",
+    skip_rows: int = 0,
+) -> Table:
+    """Read all cells of a file as text; blank lines are passed over.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is empty, or a line has another number of fields than the header.
+    """
+    source = f"file {path}"
+    text = _text(path, encoding)
+    if skip_rows < 0:
+        raise InputError(f"skip_rows is {skip_rows}", where=source, allowed="0 or more")
+    lines = text.splitlines(keepends=True)[skip_rows:]
+    if not any(line.strip() for line in lines):
+        raise InputError("is empty", where=source, allowed="a header row and rows of numbers")
+    if delimiter is None:
+        delimiter = max(DELIMITERS, key=lines[0].count)
+    if len(delimiter) != 1 or delimiter == decimal == ",":
+        raise InputError(
+            f"the fields are separated by {delimiter!r} and decimals by {decimal!r}",
+            where=source,
+            allowed="one character, and not the same",
+            remedy="Give delimiter=';' or a file with decimal points",
+        )
+    reader = csv.reader(io.StringIO("".join(lines), newline=""), delimiter=delimiter, skipinitialspace=True)
+    header = [cell.strip() for cell in next(reader)]
+    _check_header(header, source)
+    rows, numbers = [], []
+    try:
+        for row in reader:
+            if any(cell.strip() for cell in row):
+                line = skip_rows + reader.line_num
+                rows.append(_fitting(row, header, f"{source}, line {line}", delimiter))
+                numbers.append(line)
+    except csv.Error as error:
+        raise InputError(
+            f"cannot be split into fields: {error}",
+            where=f"{source}, line {skip_rows + reader.line_num}",
+            remedy="Look for a quotation mark that is not closed",
+        ) from error
+    if not rows:
+        raise InputError("holds a header but no samples", where=source, allowed="rows of numbers below it")
+    columns: dict[str, Any] = dict(zip(header, map(list, zip(*rows, strict=True)), strict=True))
+    return Table(columns, numbers, source)
+
+
+def _text(path: Path, encoding: str) -> str:
+    where = f"file {path}"
+    if path.is_dir():
+        raise InputError("is a folder", where=where, allowed="a text file")
+    if not path.exists():
+        siblings = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
+        near = difflib.get_close_matches(path.name, siblings, n=3)
+        raise InputError(
+            "does not exist",
+            where=where,
+            remedy=f"Did you mean {', '.join(near)}?" if near else "Check the path",
+        )
+    try:
+        return path.read_bytes().decode(encoding)
+    except LookupError as error:
+        raise InputError(
+            f"encoding {encoding!r} is unknown", where=where, allowed="utf-8, latin-1, ..."
+        ) from error
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"byte {error.start} is not {encoding} text",
+            where=where,
+            remedy="Give encoding='latin-1' or 'utf-16', or save the file as UTF-8",
+        ) from error
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror or error}", where=where) from error
+
+
+def _check_header(header: list[str], source: str) -> None:
+    twice = [h for h in dict.fromkeys(header) if h and header.count(h) > 1]
+    if twice:
+        raise InputError(
+            f"column {twice[0]!r} occurs {header.count(twice[0])} times in the header",
+            where=source,
+            allowed="a name of its own for each column",
+        )
+
+
+def _fitting(row: list[str], header: list[str], where: str, delimiter: str) -> list[str]:
+    """Cells of a row that fits the header; a delimiter at the end of the line does no harm."""
+    surplus = row[len(header) :]
+    if len(row) < len(header) or any(cell.strip() for cell in surplus):
+        remedy = "Complete or delete the line"
+        if surplus and delimiter == ",":
+            remedy += "; numbers with a decimal comma need another delimiter, and decimal=','"
+        raise InputError(
+            f"the line has {len(row)} fields, the header has {len(header)}", where=where, remedy=remedy
+        )
+    return row[: len(header)]

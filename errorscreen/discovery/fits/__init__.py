@@ -1,0 +1,1 @@
+"""One hypothesis and its joint fit; many of them by successive halving."""

@@ -1,0 +1,1 @@
+"""Tests, rankings, intervals and gains of fitted hypotheses."""

@@ -1,0 +1,127 @@
+"""Fitted hypotheses side by side: which of them leave only noise, and how evident each is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from errorscreen.discovery.fits.hypotheses import Hypothesis
+from errorscreen.discovery.judge.residual_test import ResidualTest, residual_test
+from errorscreen.effects.base import Effect
+
+#: what leaves more than this share of what one effect less leaves has gained next to nothing from it
+_LESS = 0.9
+
+
+class CandidateSet:
+    """Hypotheses about some recordings; one is *adequate* if what it leaves passes for noise.
+
+    Parameters
+    ----------
+    significance : float
+        Probability that noise alone leaves what counts as more than noise.
+    seed : int
+        Of the test.
+    tell : callable
+        Takes lines of text.
+
+    Attributes
+    ----------
+    hypotheses : list of Hypothesis
+        One for each set of effects that was fitted.
+    residual_tests : dict of str to ResidualTest
+        What each leaves, by its name.
+    scores : dict of str to float
+        Logarithm of the evidence, (D1) with `ResidualTest.excess` in place of χ².
+    signatures : dict of str to float
+        Objective that each effect promised beside parameters alone.
+    """
+
+    def __init__(self, significance: float, seed: int, tell: Callable[[str], None]) -> None:
+        self.significance, self.seed, self.tell = significance, seed, tell
+        self.hypotheses: list[Hypothesis] = []
+        self.residual_tests: dict[str, ResidualTest] = {}
+        self.scores: dict[str, float] = {}
+        self.signatures: dict[str, float] = {}
+
+    @property
+    def base(self) -> Hypothesis:
+        """The hypothesis without effects."""
+        return next(h for h in self.hypotheses if not h.effects)
+
+    @property
+    def adequate(self) -> list[Hypothesis]:
+        """Those that leave only noise, the most evident first."""
+        found = [h for h in self.hypotheses if self.is_adequate(h)]
+        return sorted(found, key=lambda h: -self.scores[h.name])
+
+    def is_adequate(self, hypothesis: Hypothesis) -> bool:
+        """Whether what a hypothesis leaves passes for noise."""
+        return self.passes(self.residual_tests[hypothesis.name])
+
+    @property
+    def most_effects(self) -> int:
+        """Most effects of one of them."""
+        return max(len(h.effects) for h in self.hypotheses)
+
+    def with_effects(self, size: int) -> list[Hypothesis]:
+        """Those with so many effects."""
+        return [h for h in self.hypotheses if len(h.effects) == size]
+
+    def fit_of(self, effects: Iterable[Effect]) -> Hypothesis | None:
+        """The one with just these effects, in any order."""
+        return next((h for h in self.hypotheses if set(h.effects) == set(effects)), None)
+
+    def nearest(self, size: int) -> Hypothesis | None:
+        """Of those with so many effects what is most evident."""
+        return max(self.with_effects(size), key=lambda h: self.scores[h.name], default=None)
+
+    def beside(self, base: Hypothesis) -> list[Hypothesis]:
+        """Those with one effect more than another one, the lowest first."""
+        more = [h for h in self.hypotheses if len(h.effects) == len(base.effects) + 1]
+        return sorted((h for h in more if set(h.effects) > set(base.effects)), key=lambda h: h.objective)
+
+    def explained(self, size: int, share: float) -> bool:
+        """Whether so many effects leave less than this share of what parameters leave."""
+        return any(self.leaves_less(h, share) for h in self.with_effects(size))
+
+    def leaves_less(self, hypothesis: Hypothesis, share: float) -> bool:
+        """Whether a hypothesis leaves less than this share of what parameters leave."""
+        whole = self.residual_tests[self.base.name].excess
+        return self.residual_tests[hypothesis.name].excess < share * whole
+
+    def adds(self, hypothesis: Hypothesis) -> bool:
+        """Whether every effect of a hypothesis adds something: the others alone leave notably more, as far as known.
+
+        By χ² beyond what noise is expected to leave; `ResidualTest.excess` counts what noise leaves by chance, too.
+        """
+        own = set(hypothesis.effects)
+        fewer = (h for h in self.hypotheses if h.effects and set(h.effects) < own)
+        left = hypothesis.chi2 - len(hypothesis.residuals)
+        return all(left < _LESS * (h.chi2 - len(h.residuals)) for h in fewer)
+
+    def passes(self, remainder: ResidualTest) -> bool:
+        """Whether what is left passes for noise."""
+        return remainder.p_value > self.significance
+
+    def test(self, hypothesis: Hypothesis) -> ResidualTest:
+        """Test whether what a hypothesis leaves is noise."""
+        return residual_test(
+            hypothesis.observations,
+            hypothesis.residuals,
+            hypothesis.jacobian[:, hypothesis.free],
+            levels=hypothesis.levels,
+            random_state=self.seed,
+        )
+
+    def keep(
+        self, hypothesis: Hypothesis, remainder: ResidualTest, instead: Hypothesis | None = None
+    ) -> None:
+        """Add a hypothesis, or take it in place of another fit of the same one."""
+        self.hypotheses = [h for h in self.hypotheses if h is not instead]
+        self.hypotheses.append(hypothesis)
+        self.residual_tests[hypothesis.name] = remainder
+        # (D1) with the excess over noise in place of χ²
+        self.scores[hypothesis.name] = hypothesis.evidence + 0.5 * (hypothesis.chi2 - remainder.excess)
+        self.tell(
+            f"  {hypothesis.name}: χ²/N {hypothesis.chi2_per_sample:.3f}, noise alone p = {remainder.p_value:.3f}"
+        )

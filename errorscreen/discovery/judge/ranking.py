@@ -1,0 +1,237 @@
+"""Probabilities of what could explain the recordings, from the hypotheses that were fitted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from errorscreen.discovery.fits.hypotheses import Hypothesis
+from errorscreen.discovery.judge.candidate_set import CandidateSet
+from errorscreen.events import Playback
+
+#: prior probability that something is missing at all
+_MISSING = 0.5
+#: logarithm of the evidence by which an effect must beat parameters that leave nothing beyond noise: errors of size of
+#: the noise that no one has modelled would otherwise be named
+_MARGIN = 13.0
+#: what an effect leaves must look like noise with a probability so many times that of what sufficient parameters leave
+_CLEARLY = 10.0
+#: an effect in another form than the library's leaves at most about this share of what parameters leave (in amplitude
+#: 22 %); what no library holds leaves twice as much and more beside the nearest effect
+_FORM = 0.05
+#: two effects together have so much freedom that they also make up for a form that is wrong: they must leave less
+_FORM_OF_TWO = 0.003
+#: a second effect that explains less than this is the form of the first one, a limit that is harder or softer
+_TRACE = 0.001
+#: two effects of which one explains nearly all must leave at most this part of what that one alone leaves
+_LEFT_BY_TWO = 0.5
+#: hypotheses whose χ² differ by less than this predict the same
+_SAME = 1.0
+#: half width of intervals for 90 % in standard deviations
+_WIDTH = 1.645
+
+
+@dataclass(frozen=True)
+class Cause:
+    """One explanation of what the simulation gets wrong.
+
+    Parameters
+    ----------
+    name : str
+        Of the effect; several joined by `` + ``; ``"parameters"`` or ``"unknown"``.
+    title : str
+        For reports.
+    kind : {"parameters", "effect", "measurement", "unknown"}
+    probability : float
+    place : str
+        Port, or measured channel.
+    parameters : dict of str to (float, float, float)
+        Value and interval of each parameter of the effects.
+    explained : float
+        Share of what parameters leave beyond noise that it explains.
+    exact : bool
+        Whether it leaves only noise. If not, the effect is of this kind but has another form than the library's, and
+        its values are those that come nearest.
+    event : bool
+        Whether it is only about what happened during one recording (`Effect.event_specific`): an error of the event's
+        record, or a forced oscillation. On other recordings it is off.
+    withdrawn : bool
+        Whether recordings that were not fitted refute it; its probability is 0 then.
+    """
+
+    name: str
+    title: str
+    kind: str
+    probability: float
+    place: str
+    parameters: dict[str, tuple[float, float, float]]
+    explained: float
+    exact: bool
+    event: bool = False
+    withdrawn: bool = False
+
+
+def rank_causes(found: CandidateSet) -> list[Cause]:
+    """Causes and "unknown", the most probable first; their probabilities sum to 1.
+
+    "Unknown" comes first only if it is more probable than the first cause and all others that predict the same.
+
+    Hypotheses that leave only noise are compared by their evidence. Where there is none, what explains nearly all of
+    what parameters leave counts as being of the right kind, in another form than the library's. Nothing counts beside
+    parameters that were not led to a minimum: other values of them may do as well.
+
+    Parameters
+    ----------
+    found : ModelSearch
+    """
+    causes = _exact(found)
+    if not causes:
+        causes = _of_a_kind(found)
+    elif _form_alone(found, causes):
+        causes = _with_two(found, _of_a_kind(found), causes)
+    causes.sort(key=lambda c: -c.probability)
+    unknown = 1.0 - sum(c.probability for c in causes)
+    # two names for the same thing share a probability, but what they stand for has all of it
+    chi2 = {h.name: h.chi2 for h in found.hypotheses}
+    same = [c.probability for c in causes if abs(chi2[c.name] - chi2[causes[0].name]) < _SAME]
+    place = len([c for c in causes if c.probability >= unknown])
+    if causes and sum(same) >= unknown:
+        place = max(place, 1)
+    causes.insert(place, Cause("unknown", "Unknown", "unknown", unknown, "", {}, 0.0, False))
+    return causes
+
+
+def _exact(found: CandidateSet) -> list[Cause]:
+    """Hypotheses that leave only noise, compared by their evidence."""
+    adequate, base, scores = found.adequate, found.base, found.scores
+    if not adequate:
+        return []
+    if base not in adequate and scores[adequate[0].name] - scores[base.name] < _MARGIN:
+        adequate.append(base)  # a conspicuous cell, but nothing that an effect explains better
+    adequate = [h for h in adequate if base.at_rest or not h.effects]
+    if not adequate:
+        return []
+    tried = max(1, len(found.signatures))
+    suffice = base in adequate
+    if suffice:  # an effect is not needed, unless what it leaves looks clearly more like noise
+        p = _CLEARLY * found.residual_tests[base.name].p_value
+        adequate = [h for h in adequate if not h.effects or found.residual_tests[h.name].p_value >= p]
+    logs = []
+    for h in adequate:
+        prior = 1.0 - _MISSING if not h.effects else _MISSING / tried ** len(h.effects)
+        logs.append(scores[h.name] + np.log(prior) - (_MARGIN if suffice and h.effects else 0.0))
+    weights = np.exp(np.array(logs) - max(logs))
+    # what nobody has thought of, the more probable the less what is left looks like noise
+    p = max(found.residual_tests[adequate[int(np.argmax(logs))].name].p_value, found.significance)
+    weights /= weights.sum() * (1.0 + found.significance / p)
+    return [_cause(found, h, float(w)) for h, w in zip(adequate, weights, strict=True)]
+
+
+def _form_alone(found: CandidateSet, causes: list[Cause]) -> bool:
+    """Whether two effects are named of which one leaves only a trace: the other makes up for the form of the first.
+
+    Or nearly all, and the other does not mend that: the two passed for noise by luck.
+    """
+    first = max(causes, key=lambda c: c.probability)
+    if " + " not in first.name:
+        return False
+    left = found.residual_tests[first.name].excess
+    for h in found.hypotheses:
+        if h.name in first.name.split(" + "):
+            explained, alone = _explained(found, h), found.residual_tests[h.name].excess
+            if explained > 1.0 - _TRACE or (explained > 1.0 - _FORM and left > _LEFT_BY_TWO * alone):
+                return True
+    return False
+
+
+def _with_two(found: CandidateSet, alone: list[Cause], exact: list[Cause]) -> list[Cause]:
+    """Effects in another form than the library's, and the two that leave only noise, if the second mends the rest.
+
+    A trace is left that is more than noise: another form of the one effect, or little of a second one. Nothing in the
+    recordings tells which, so both have the same probability.
+    """
+    two = max(exact, key=lambda c: c.probability)
+    one = max((c for c in alone if c.name in two.name.split(" + ")), key=lambda c: c.probability)
+    if found.residual_tests[two.name].excess > _LEFT_BY_TWO * found.residual_tests[one.name].excess:
+        return alone
+    half = 0.5 * one.probability
+    return [replace(c, probability=half) if c is one else c for c in alone] + [replace(two, probability=half)]
+
+
+def _of_a_kind(found: CandidateSet) -> list[Cause]:
+    """Effects that explain nearly everything, though not in the form that the library gives them.
+
+    Single ones if one of them does; else pairs, of which more is asked. (An effect that was not led to its end explains
+    even more than is seen.)
+    """
+    for size, most in ((1, _FORM), (2, _FORM_OF_TWO)):
+        members = found.with_effects(size) if found.base.at_rest else []
+        left = np.array([1.0 - _explained(found, h) for h in members])
+        if len(left) and left.min() < most:
+            break
+    else:
+        return []
+    # errors of form are no noise: how much better one is tells less than its evidence says
+    weights = np.maximum(left, 1e-12) ** -2.0
+    weights /= weights.sum() * (1.0 + left.min() / most)
+    return [_cause(found, h, float(w), exact=False) for h, w in zip(members, weights, strict=True)]
+
+
+def _explained(found: CandidateSet, hypothesis: Hypothesis) -> float:
+    """Share of what parameters leave beyond noise that a hypothesis explains."""
+    whole = found.residual_tests[found.base.name].excess
+    left = found.residual_tests[hypothesis.name].excess
+    return float(np.clip(1.0 - left / whole, 0.0, 1.0)) if whole > 0 else 0.0
+
+
+def _cause(found: CandidateSet, hypothesis: Hypothesis, probability: float, exact: bool = True) -> Cause:
+    effects = hypothesis.effects
+    kinds = {effect.kind for effect in effects}
+    kind = "parameters" if not effects else "measurement" if kinds == {"measurement"} else "effect"
+    width = half_width(hypothesis, exact)
+    return Cause(
+        hypothesis.name,
+        " and ".join(e.title for e in effects) or "Parameters of the model",
+        kind,
+        probability,
+        ", ".join(e.place for e in effects),
+        {
+            e.local(n): stamped(hypothesis, e.local(n), v)
+            for e in effects
+            for n, v in hypothesis.parameters_of(e, width).items()
+        },
+        _explained(found, hypothesis),
+        exact,
+        bool(effects) and all(effect.event_specific and effect.recording for effect in effects),
+    )
+
+
+def stamped(
+    hypothesis: Hypothesis, name: str, interval: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """Value and interval of a parameter, wider for a time: it is known no better than when readings were taken.
+
+    A timer begins to run where a signal that is injected crosses a threshold, at some instant between two samples.
+
+    Parameters
+    ----------
+    hypothesis : Hypothesis
+    name : str
+        Of the parameter.
+    interval : (float, float, float)
+        Value, lower and upper end.
+    """
+    own = hypothesis.simulator.parameters[name]
+    played = [o.event for o in hypothesis.observations if isinstance(o.event, Playback)]
+    timers = [e.local(p.name) for e in hypothesis.effects if e.minima > 1 for p in e.parameters]
+    late = max((max(e.age, e.dt if name in timers else 0.0) for e in played), default=0.0)
+    half = _WIDTH * late / 12**0.5 if own.unit == "s" else 0.0
+    value, low, high = interval
+    low, high = value - float(np.hypot(value - low, half)), value + float(np.hypot(high - value, half))
+    return value, max(own.lower, low), min(own.upper, high)
+
+
+def half_width(hypothesis: Hypothesis, exact: bool) -> float:
+    """Half width of intervals for 90 % in standard deviations; errors of form count as noise as large and as smooth."""
+    return _WIDTH if exact else _WIDTH * float(np.sqrt(hypothesis.inflation))

@@ -1,0 +1,305 @@
+"""What an effect promises before it is fitted."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from errorscreen._runtime.sampling import generator, latin_hypercube
+from errorscreen._runtime.threads import parallel_map
+from errorscreen.calibration.problem import FitProblem
+from errorscreen.data.observations import Observation
+from errorscreen.discovery.fits.hypotheses import PRIOR
+from errorscreen.discovery.fits.rough_step import good_enough
+from errorscreen.effects.base import Effect
+from errorscreen.parameters import Parameter, ParameterSpace
+from errorscreen.simulators.base import Simulator
+
+#: draws of later rounds scatter by these shares of the ranges around so many of the best
+SPREADS, _ELITE = (0.1, 0.03, 0.01), 8
+#: effects that go on to the second round of draws and to those after it, the best for each that is fitted to the end
+_RACE = (4, 2, 1)
+#: what is kept of the best draws
+_KEPT = ("objective", "shares", "steps")
+#: rounds of draws
+ROUNDS = 1 + len(SPREADS)
+#: draws of an effect with a single parameter; with d parameters so many times d squared, up to what is asked for
+_DRAWS_PER_SQUARE = 12
+#: strength at which the linear model is asked for that of an effect, as a share of its range
+_PROBED = 1e-6
+#: a parameter whose bounds have at least this ratio is drawn in the logarithm
+WIDE = 10.0
+
+_Array = NDArray[np.float64]
+
+
+class SignatureSearch:
+    r"""Scores an effect by variable projection: its own parameters are drawn, all others follow from the linear model.
+
+    For each draw p of the effect's parameters the model is simulated at some points u of the other parameters, and
+
+    .. math:: \min_\delta |z(u, p) + J\delta|^2 + |u + \delta|^2/s^2
+       = |z|^2 + |u|^2/s^2 - g^T (J^T J + I/s^2)^{-1} g,\quad g = J^T z + u/s^2                     \qquad (D2)
+
+    is what the joint fit can be expected to reach (Golub and Pereyra, Inverse Problems 19, 2003). Rounds of draws
+    around the best so far follow the first, over ever smaller parts of the ranges, because some effects have many local
+    minima (the frequency and phase of an oscillation). Of an effect with nothing but a strength, the linear model also
+    tells the strength, from 0 on: what is small against its range, such as a clock that is microseconds late, would
+    hardly be drawn.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        Without the effect.
+    observations : sequence of Observation
+    effect : Effect
+    points : sequence of (ndarray of shape (k,), ndarray of shape (N, k))
+        Deviations u of the parameters of `simulator`, and the sensitivities there.
+    n_draws : int
+        In each round; in the first as many for each of `Effect.minima`.
+    random_state : None, int, SeedSequence, Generator or RandomState
+    step : float, optional
+        See `rough_step`.
+
+    Attributes
+    ----------
+    problem : FitProblem
+        Of the extended simulator.
+    step : float or None
+        None from the first round on where it is not good enough with the effect.
+    """
+
+    def __init__(
+        self,
+        simulator: Simulator,
+        observations: Sequence[Observation],
+        effect: Effect,
+        points: Sequence[tuple[_Array, _Array]],
+        n_draws: int,
+        random_state: Any,
+        step: float | None = None,
+    ) -> None:
+        self.effect, self._points = effect, points
+        self.problem = FitProblem(simulator.extend(effect), list(observations))
+        self._take_step(step)
+        self._k = len(simulator.parameters)
+        d = len(self.problem.space) - self._k
+        self._unit = ParameterSpace(Parameter(f"p{i}", 0.5, 0.0, 1.0) for i in range(d))
+        self._rng = generator(random_state)
+        self._n_draws = min(n_draws, _DRAWS_PER_SQUARE * d**2)  # one or two parameters need fewer
+
+    def _take_step(self, step: float | None) -> None:
+        """Begin, with this step."""
+        self.step, self._rough = step, self.problem.with_step(step)
+        #: at each point the best so far: objective, shares of the ranges, steps of the other parameters
+        self._best: list[list[tuple[float, _Array, _Array]]] = [[] for _ in self._points]
+        self._round = 0
+
+    @property
+    def objective(self) -> float:
+        """Lowest objective of the linear model; infinite where no draw could be simulated."""
+        return min((best[0][0] for best in self._best if best), default=np.inf)
+
+    def run(self, rounds: int = ROUNDS) -> SignatureSearch:
+        """Go on to so many rounds in all."""
+        while self._round < rounds:
+            for (u, J), best in zip(self._points, self._best, strict=True):
+                shares = self._drawn(best)
+                if self._round == 0 and shares.shape[1] == 1 and not self.effect.smallest:
+                    shares = np.vstack([shares, self._estimated(u, J)])
+                draws = spread_over(self.problem.space, self._k, shares, [self.effect])
+                rows = np.hstack([np.tile(u, (len(draws), 1)), draws])
+                objective, steps = projected(self._rough, rows, J, np.arange(self._k))
+                best += [(float(o), x, step) for o, x, step in zip(objective, shares, steps, strict=True)]
+                best.sort(key=lambda item: item[0])
+                del best[_ELITE:]
+            self._round += 1
+            first = self._round == 1 and self.step is not None and np.isfinite(self.objective)
+            if first and good_enough(self.problem, self.starts()[0], self.step) is None:
+                self._take_step(None)
+        return self
+
+    def _drawn(self, best: Sequence[tuple[float, _Array, _Array]]) -> _Array:
+        if not best:
+            return latin_hypercube(self._unit, self._n_draws * self.effect.minima, self._rng)
+        parents = np.array([x for _, x, _ in best])[self._rng.integers(len(best), size=self._n_draws)]
+        spread = SPREADS[self._round - 1]
+        return np.asarray(np.clip(parents + spread * self._rng.standard_normal(parents.shape), 0.0, 1.0))
+
+    def _estimated(self, u: _Array, J: _Array) -> _Array:
+        """Shares (n, 1) of the range of a strength that the linear model tells on each side of 0, if any."""
+        space, own = self.problem.space, self._k
+        lower, upper = space.bounds[own]
+        ends = np.array([end for end in (lower, upper) if end != 0.0])
+        rows = np.tile(np.append(u, 0.0), (1 + len(ends), 1))
+        rows[:, own] = (np.append(0.0, _PROBED * ends) - space.nominal[own]) / space.scales[own]
+        off, *on = self._rough.residuals(self._rough.values(rows))
+        found = []
+        for end, row, z in zip(ends, rows[1:], on, strict=True):
+            slope = (z - off) / (row[own] - rows[0, own])
+            if np.isfinite(slope).all():
+                A = np.column_stack([J, slope])
+                step = _minimum(A, A.T @ off + rows[0] / PRIOR**2)[own]
+                share = step * space.scales[own] / end
+                if share > _PROBED:
+                    found.append([(min(share, 1.0) * end - lower) / (upper - lower)])
+        return np.reshape(found, (-1, 1))
+
+    def starts(self, n_matches: int = 0) -> _Array:
+        """Where joint fits should begin, for an effect whose objective is finite.
+
+        Parameters
+        ----------
+        n_matches : int
+            Simulations with all other parameters drawn as well, the best of which are starts of their own.
+
+        Returns
+        -------
+        ndarray of shape (s, k)
+            In units of the scales.
+        """
+        found: list[tuple[float, _Array]] = []
+        for (u, _), best in zip(self._points, self._best, strict=True):
+            lowest, x, step = best[0]
+            if np.isfinite(lowest):
+                own = spread_over(self.problem.space, self._k, x[None], [self.effect])[0]
+                found.append((lowest, np.concatenate([u + step, own])))
+                found.append((lowest, np.concatenate([u, own])))
+        found.sort(key=lambda item: item[0])
+        starts = [start for _, start in found]
+        starts += _matches(
+            self._rough, np.array([start[self._k :] for start in starts]), n_matches, self._rng
+        )
+        return np.array(starts)
+
+    def scattered(self, n: int, random_state: Any) -> _Array:
+        """Where joint fits should begin at the nominal parameters, whatever the linear model promises.
+
+        Parameters
+        ----------
+        n : int
+            Values of the effect's own parameters: those that promise most, and others from all over their ranges.
+        random_state : None, int, SeedSequence, Generator or RandomState
+
+        Returns
+        -------
+        ndarray of shape (n, k + d)
+        """
+        shares = latin_hypercube(self._unit, n, generator(random_state))
+        known = [best[0] for best in self._best if best]
+        if known:
+            shares[0] = min(known, key=lambda item: item[0])[1]
+        own = spread_over(self.problem.space, self._k, shares, [self.effect])
+        return np.hstack([np.zeros((n, self._k)), own])
+
+    def packed(self) -> dict[str, NDArray[np.generic]]:
+        """All that another search of the same kind needs to go on from here."""
+        state = json.dumps(self._rng.bit_generator.state).encode()
+        seeds: Any = self._rng.bit_generator.seed_seq  # a Latin hypercube draws from a child of it
+        out: dict[str, NDArray[np.generic]] = {
+            "rng": np.frombuffer(state, dtype=np.uint8),
+            "children": np.array(seeds.n_children_spawned),
+            "count": np.array(self.problem.n_simulations),
+            "round": np.array(self._round),
+            "exact": np.array(self.step is None),
+        }
+        for number, best in enumerate(self._best):
+            for key, values in zip(_KEPT, zip(*best, strict=True), strict=True):
+                out[f"{key}{number}"] = np.array(values)
+        return out
+
+    def restore(self, part: Mapping[str, NDArray[Any]]) -> SignatureSearch:
+        """Go to where a search of the same kind was when it was packed."""
+        self._take_step(None if part["exact"] else self.step)
+        self._rng.bit_generator.state = json.loads(part["rng"].tobytes())
+        seeds: Any = self._rng.bit_generator.seed_seq
+        seeds.spawn(int(part["children"]) - seeds.n_children_spawned)
+        self.problem.n_simulations, self._round = int(part["count"]), int(part["round"])
+        self._best = [
+            [(float(o), x, s) for o, x, s in zip(*(part[f"{key}{number}"] for key in _KEPT), strict=True)]
+            for number in range(len(self._best))
+        ]
+        return self
+
+
+def raced(searches: Sequence[SignatureSearch], n_fits: int, threads: int = 1) -> list[SignatureSearch]:
+    """Run searches, of which fewer and fewer go on to the next round; the most promising first.
+
+    Parameters
+    ----------
+    searches : sequence of SignatureSearch
+    n_fits : int
+        Effects that will be fitted.
+    threads : int
+        Of which each has one search at a time.
+    """
+    ranked, kept = list(searches), len(searches)
+    for rounds, share in enumerate((*_RACE, 0), start=1):
+        parallel_map([partial(one.run, rounds) for one in ranked[:kept]], threads)
+        ranked.sort(key=lambda s: s.objective)
+        kept = share * n_fits
+    return ranked
+
+
+def projected(
+    problem: FitProblem, rows: _Array, J: _Array, columns: NDArray[np.int64]
+) -> tuple[_Array, _Array]:
+    """Objectives (n,) of (D2) at rows (n, k), and the steps of the columns that reach them; inf where it fails."""
+    z = problem.residuals(problem.values(rows))
+    failed = np.isnan(z).any(axis=1)
+    z[failed] = 0.0
+    g = z @ J + rows[:, columns] / PRIOR**2
+    steps = _minimum(J, g.T).T
+    objective = (z**2).sum(axis=1) + ((rows / PRIOR) ** 2).sum(axis=1) + (g * steps).sum(axis=1)
+    objective[failed] = np.inf
+    return objective, steps
+
+
+def _minimum(J: _Array, slope: _Array) -> _Array:
+    """Step (k,) or steps (k, n) to the minimum of (D2), for half the gradient of its objective."""
+    return np.asarray(-cho_solve(cho_factor(J.T @ J + np.eye(J.shape[1]) / PRIOR**2), slope))
+
+
+def spread_over(space: ParameterSpace, first: int, shares: _Array, effects: Sequence[Effect] = ()) -> _Array:
+    """Deviations of the parameters from number `first` on, at shares (n, d) of their ranges.
+
+    Ranges over more than a decade are divided evenly in the logarithm: time constants and rates are known by order of
+    magnitude. A range that begins at 0, or is symmetrical, begins at `Effect.smallest` where that is given.
+    """
+    lower, upper = space.bounds[first:].T
+    least = {effect.local(name): value for effect in effects for name, value in effect.smallest.items()}
+    small = np.array([least.get(name, 0.0) for name in space.names[first:]])
+    signed = (small > 0) & (lower < 0)
+    sign = np.where(signed & (shares < 0.5), -1.0, 1.0)
+    shares = np.where(signed, np.abs(2.0 * shares - 1.0), shares)
+    lower = np.where(small > 0, small, lower)
+    values = lower + (upper - lower) * shares
+    wide = (lower > 0) & (upper > WIDE * lower)
+    values[:, wide] = lower[wide] * (upper[wide] / lower[wide]) ** shares[:, wide]
+    return np.asarray((sign * values - space.nominal[first:]) / space.scales[first:])
+
+
+def _matches(problem: FitProblem, own: _Array, n: int, rng: np.random.Generator) -> list[_Array]:
+    """Best two of n simulations with all other parameters drawn, and the effect's among those given."""
+    if not n:
+        return []
+    k = len(problem.space) - own.shape[1]
+    u = problem.drawn(n, rng)
+    u[:, k:] = own[rng.integers(len(own), size=n)]
+    return _lowest(problem, u, 2)
+
+
+def objectives(problem: FitProblem, u: _Array) -> _Array:
+    """χ² with the prior's term at rows (n, k); NaN where the simulation fails."""
+    return np.asarray(problem.chi_square(problem.values(u)) + ((u / PRIOR) ** 2).sum(axis=1))
+
+
+def _lowest(problem: FitProblem, u: _Array, n: int) -> list[_Array]:
+    """The n rows with the lowest objective, that first."""
+    return list(u[np.argsort(objectives(problem, u), kind="stable")[:n]])  # NaN comes last

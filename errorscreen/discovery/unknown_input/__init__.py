@@ -1,0 +1,1 @@
+"""Where an unknown input enters, and its waveform."""

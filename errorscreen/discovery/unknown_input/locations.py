@@ -1,0 +1,242 @@
+"""Where something enters that no effect explains: an unknown signal, estimated in turn at each port that has one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from errorscreen._runtime.threads import parallel_map
+from errorscreen.calibration.problem import FitProblem
+from errorscreen.discovery.fits.halving import attempted, race
+from errorscreen.discovery.fits.hypotheses import SLICE, Hypothesis, JointFit
+from errorscreen.discovery.judge.separation import States, device_name, states_of
+from errorscreen.discovery.search.journal import Journal
+from errorscreen.discovery.unknown_input.fine_detail import Detailed, detailed
+from errorscreen.effects.base import Effect
+from errorscreen.effects.latent_input import KNOTS, PULSE
+from errorscreen.events import InputSignal, Playback
+
+#: a signal that explains less than this share of what parameters leave beyond noise says nothing about the place
+_EXPLAINS = 0.1
+#: a quantity moves with another if their correlation is at least this
+_MOVES = 0.5
+#: power of what a place leaves beyond noise, as for effects whose form is wrong
+_FORM = 2.0
+#: how much more probable than another a place can be for its signal alone
+_SIMPLER = 3.0
+
+_Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class InputLocation:
+    """A port at which an unknown signal would explain the recordings.
+
+    Parameters
+    ----------
+    device, place : str
+        Device and its port.
+    probability : float
+        Among all ports.
+    chi2_per_sample : float
+        With the signal and its fine detail, over the values that these do not take up.
+    time, waveform : ndarray of shape (L,)
+        Of the signal, with its detail, in the first recording, in the unit of the port.
+    follows : tuple of (str, float)
+        Signals, and states of the device, of the model without it, and their correlation with it, the largest first.
+    unit : str
+        Of the waveform.
+    explained : float
+        Share of what parameters leave beyond noise that the signal explains without that detail.
+    states : mapping of (str, str) to ndarray of shape (L,)
+        Inside all devices with the signal, without that detail, in the first recording, by device and name.
+    """
+
+    device: str
+    place: str
+    probability: float
+    chi2_per_sample: float
+    time: _Array
+    waveform: _Array
+    follows: tuple[tuple[str, float], ...]
+    unit: str = "pu"
+    explained: float = 1.0
+    states: States = field(default_factory=dict, repr=False, compare=False)
+
+    @property
+    def name(self) -> str:
+        """Port and device in words."""
+        return f"{self.place} of the {self.device}"
+
+    @property
+    def text(self) -> str:
+        """Size and dependence in words."""
+        size = f"up to {np.abs(self.waveform).max():.2g} {self.unit}".rstrip()
+        if not self.follows or abs(self.follows[0][1]) < _MOVES:
+            return size
+        name, correlation = self.follows[0]
+        return f"{size}, moves with {name}, correlation {correlation:.2f}"
+
+
+def rank_input_locations(base: Hypothesis, journal: Journal | None = None) -> tuple[list[InputLocation], int]:
+    """Fit an unknown signal together with all parameters, in turn at each port that has one.
+
+    It is another one in each recording. A fit that has come to rest far above the best is not led to its end (`race`).
+    Signals are compared with detail that their knots are too coarse for (`detailed`). What is left even so tells less
+    about the place than noise would (`probabilities_of`).
+
+    Parameters
+    ----------
+    base : Hypothesis
+        Without effects.
+    journal : Journal, optional
+        Finished parts of the search: what the fits have reached is kept there.
+
+    Returns
+    -------
+    places : list of InputLocation
+        The most probable first; empty where the simulator has no ports, or a signal explains next to nothing at any.
+    n_simulations : int
+    """
+    journal = Journal() if journal is None else journal
+    problems: dict[tuple[Effect, ...], FitProblem] = {}
+    calls: list[Callable[[], JointFit]] = []
+    events = dict.fromkeys(o.event.name for o in base.observations)
+    for effect in base.simulator.effects:
+        if effect.kind != "latent":
+            continue
+        signals = tuple(effect.during(name) for name in events)
+        simulator = base.simulator
+        for signal in signals:
+            simulator = simulator.extend(signal)
+        fixed = {signal.local(name) for signal in signals for name in (signal.strength.name, *PULSE)}
+        names = [name for name in simulator.parameters.names if name not in fixed]
+        problems[signals] = FitProblem(simulator, list(base.observations), names)
+        # fitted parameters have made up for much of what is missing; from there a signal often ends in a local minimum
+        starts = np.zeros((2, len(names)))
+        starts[0, : len(base.u)] = base.u
+        calls.append(partial(_begun, signals, problems[signals], starts))
+    threads = base.simulator.threads
+
+    def raced() -> list[Hypothesis]:
+        return parallel_map([fit.hypothesis for fit in race(attempted(calls, threads), threads)], threads)
+
+    found = journal.all_fitted(problems, raced)
+    count = sum(problem.n_simulations for problem in problems.values())
+    # detail alone, without a signal between knots, would explain anything a little
+    found = [hypothesis for hypothesis in found if _explained(hypothesis, base) >= _EXPLAINS]
+    tried = attempted([partial(detailed, hypothesis) for hypothesis in found], threads)
+    full = [signal for signal in tried if signal is not None]
+    count += sum(signal.n_simulations for signal in full)
+    if not full:
+        return [], count
+    moving = _moving(base)
+    pairs = zip(full, probabilities_of(full), strict=True)
+    places = [_place(s, float(w), _explained(s.hypothesis, base), moving) for s, w in pairs]
+    return sorted(places, key=lambda p: (-p.probability, p.chi2_per_sample)), count
+
+
+def _begun(signals: Sequence[Effect], problem: FitProblem, starts: _Array) -> JointFit:
+    return JointFit(signals, problem, starts).run(SLICE).keep(1)
+
+
+def probabilities_of(found: Sequence[Detailed]) -> _Array:
+    """Probabilities by what each place leaves, and a little by how simple its signal is.
+
+    What the best leaves beyond noise counts as noise of that size and smoothness (`noise_inflation`). But it is no
+    noise: a linear model of the detail, and a device with other parameters, leave errors of form everywhere, and the
+    wrong place can leave a little less of them. So the odds of two places are no longer than the squares of what they
+    leave. Evidence, (D7), also tells which signal is simpler, but that rests on what is thought likely at each port: an
+    input of a controller and its output explain the same by different signals. It counts three to one at most.
+
+    Parameters
+    ----------
+    found : sequence of Detailed
+        One for each place.
+
+    Returns
+    -------
+    ndarray of shape (n,)
+    """
+    n = len(found[0].residuals)
+    evidence, excess = (np.array([getattr(s, name) for s in found]) for name in ("evidence", "excess"))
+    left = np.maximum(excess, np.sqrt(2.0 * n))
+    least = np.lexsort((-evidence, left))[0]
+    inflation = found[least].inflation
+    by_noise = 0.5 * (left - left[least]) / inflation
+    by_form = _FORM * np.log(left / left[least])
+    simpler = np.clip((evidence - evidence[least]) / inflation, -np.log(_SIMPLER), np.log(_SIMPLER))
+    weights = np.exp(simpler - np.minimum(by_noise, by_form))
+    return np.asarray(weights / weights.sum())
+
+
+def _explained(hypothesis: Hypothesis, base: Hypothesis) -> float:
+    """Share of what the base leaves beyond noise that a hypothesis explains."""
+    n = len(base.residuals)
+    return float(np.clip((base.chi2 - hypothesis.chi2) / max(base.chi2 - n, 1.0), 0.0, 1.0))
+
+
+def waveform(knots: _Array, time: _Array, start: float, pulses: _Array | None = None) -> _Array:
+    """Values of (I1) at some instants in seconds, for an event at `start`, with equally distant pulses if given.
+
+    Examples
+    --------
+    >>> waveform(np.ones(32), np.array([0.0, 1.0, 2.0]), 1.0)
+    array([0., 0., 1.])
+    """
+    share = np.clip(time - start, 0.0, None) / (time[-1] - start)
+    signal = np.interp(np.sqrt(share) * KNOTS, np.arange(KNOTS + 1), np.r_[0.0, knots])
+    if pulses is None:
+        return signal
+    return signal + np.interp(share * len(pulses), np.arange(len(pulses) + 1), np.r_[0.0, pulses])
+
+
+def _moving(base: Hypothesis) -> dict[str, dict[str, _Array]]:
+    """Signals of the first recording, and states of each device, that an unknown signal may depend on.
+
+    Without that signal, because all that it acts on moves with it.
+    """
+    observation = base.observations[0]
+    event, time = observation.event, observation.time
+    signals = dict(zip(observation.channels, base.predict(event), strict=True))
+    if isinstance(event, InputSignal):
+        signals |= event.signals
+    if isinstance(event, Playback):
+        signals["V"] = event.signals["V"]
+        if "angle" in event.signals:
+            signals["frequency"] = np.gradient(event.signals["angle"], time)
+    devices = {effect.device for effect in base.simulator.effects if effect.kind == "latent"}
+    return {device: signals | base.simulator.trajectories(base.theta, event, device) for device in devices}
+
+
+def _place(
+    found: Detailed, probability: float, explained: float, moving: dict[str, dict[str, _Array]]
+) -> InputLocation:
+    hypothesis = found.hypothesis
+    effect, observation = hypothesis.effects[0], hypothesis.observations[0]
+    time, start = observation.time, observation.event.start
+    signal = waveform(found.knots, time, start, found.pulses)
+    after = time >= start
+    follows = []
+    for name, values in moving[effect.device].items():
+        a, b = signal[after] - signal[after].mean(), values[after] - values[after].mean()
+        norm = float(np.sqrt((a @ a) * (b @ b)))
+        if norm > 0:
+            follows.append((name, float(a @ b / norm)))
+    follows.sort(key=lambda item: -abs(item[1]))
+    return InputLocation(
+        device_name(hypothesis.simulator, effect.device),
+        effect.port,
+        probability,
+        found.chi2_per_sample,
+        time,
+        signal,
+        tuple(follows),
+        next(p.unit for p in effect.parameters if p.name == "a0"),
+        explained,
+        states_of(hypothesis.simulator, hypothesis.theta, observation.event),
+    )

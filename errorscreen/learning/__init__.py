@@ -1,0 +1,1 @@
+"""Labelled datasets of response errors, and the network that learns from them."""

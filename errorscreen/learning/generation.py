@@ -1,0 +1,328 @@
+"""From a simulator to a labelled dataset: samples, responses and contributions, equations (1)–(15)."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from joblib import Parallel, delayed
+from numpy.typing import ArrayLike, NDArray
+from tqdm import tqdm
+
+from errorscreen._runtime.checkpoint import Checkpoint, digest
+from errorscreen._runtime.sampling import latin_hypercube
+from errorscreen.events import Event
+from errorscreen.exceptions import DataWarning, InputError, SimulationError, check_integer, check_real
+from errorscreen.learning.datasets import ErrorDataset
+from errorscreen.metrics import channel_weights
+from errorscreen.simulators.base import Simulator, Status
+
+__all__ = ["ErrorDataset", "Sensitivity", "contribution_labels", "generate_dataset", "local_sensitivity"]
+
+_FIELDS = ("responses", "contributions", "status")
+#: Bytes that a batch may take: its responses, their changes and the squares of these, beside what the engine needs
+_BATCH_BYTES = 128 * 2**20
+_COPIES = 4
+_Batch = dict[str, NDArray[Any]]
+
+
+class Sensitivity(NamedTuple):
+    """Local sensitivities of n samples.
+
+    Attributes
+    ----------
+    values : ndarray of shape (n, m)
+        S, equation (13); NaN in failed rows.
+    responses : ndarray of shape (n, R, L)
+        Response at each sample; NaN in failed rows.
+    status : ndarray of shape (n,), int
+        OK only if the sample and all its perturbed neighbours could be simulated.
+    """
+
+    values: NDArray[np.float64]
+    responses: NDArray[np.float64]
+    status: NDArray[np.int64]
+
+
+def local_sensitivity(
+    simulator: Simulator,
+    theta: ArrayLike,
+    event: Event | None = None,
+    *,
+    relative: bool = True,
+    step: float = 1e-3,
+    weights: ArrayLike | None = None,
+    mask: ArrayLike | None = None,
+) -> Sensitivity:
+    r"""Sensitivity of the response to each parameter *at each sample*, equation (13).
+
+    .. math:: S_j = \sum_r \lambda_r \|y_r(\theta + \Delta\theta_j) - y_r(\theta)\|_2 / \|\Delta\theta_j\|
+
+    with the norm over time :math:`\|y\|_2 = \sqrt{\sum_t y(t)^2 \Delta t}`, so that it does not depend on the
+    sampling rate. All pairs of sample and perturbed parameter go to the simulator as one flat batch.
+
+    Parameters
+    ----------
+    simulator : Simulator
+    theta : array-like of shape (n, m) or (m,)
+    event : Event, optional
+        The simulator's own where not given.
+    relative : bool, default True
+        Measure Δθ_j against the parameter's scale (its nominal value), as the text of the paper says ("unit
+        relative variation"): S is then in the channels' unit times √s, and does not depend on the unit of
+        the parameter. Otherwise it is per unit of the parameter, as equation (13) is printed.
+    step : float, default 1e-3
+        Δθ_j divided by the parameter's scale. The parameter is increased, or decreased where the increase
+        would leave the bounds, because a model need not exist outside them; in a range narrower than two
+        steps the step is half the range.
+    weights : array-like of shape (R,), optional
+        λ of the channels; 1/R each where not given, so give them if the units differ in size.
+    mask : array-like of shape (R, L), optional
+        Instants that count; all where not given.
+
+    Returns
+    -------
+    Sensitivity
+
+    Raises
+    ------
+    InputError
+        If `step`, `weights` or the shape of `theta` cannot be used.
+    """
+    space = simulator.parameters
+    theta = space.validate(theta)
+    n, m = theta.shape
+    delta = _steps(simulator, theta, check_real(step, "step", low=0, above=True))
+    rows = np.repeat(theta[:, None, :], m + 1, axis=1)
+    rows[:, np.arange(1, m + 1), np.arange(m)] += delta
+    # what was really added: theta + delta is rounded
+    delta = np.abs(rows[:, np.arange(1, m + 1), np.arange(m)] - theta)
+
+    event = simulator.event if event is None else event
+    result = simulator.simulate(rows.reshape(n * (m + 1), m), event)
+    values = result.values.reshape(n, m + 1, *result.values.shape[1:])
+    change = values[:, 1:] - values[:, :1]
+    if mask is not None:
+        change = np.where(np.asarray(mask, dtype=bool), change, 0.0)
+    norms = np.sqrt((change**2).sum(axis=-1) * event.dt) @ channel_weights(weights, values.shape[2])
+    sensitivity = norms / (delta / space.scales if relative else delta)
+
+    statuses = result.status.reshape(n, m + 1)
+    status = statuses[np.arange(n), np.argmax(statuses != Status.OK, axis=1)]
+    failed = status != Status.OK
+    sensitivity[failed] = np.nan
+    responses = values[:, 0].copy()
+    responses[failed] = np.nan
+    return Sensitivity(sensitivity, responses, status)
+
+
+def contribution_labels(
+    simulator: Simulator,
+    theta: ArrayLike,
+    event: Event | None = None,
+    *,
+    weights: ArrayLike | None = None,
+    mask: ArrayLike | None = None,
+) -> NDArray[np.float64]:
+    """Contributions of given samples, equations (12)–(15): deviation times local sensitivity.
+
+    Parameters
+    ----------
+    simulator, theta, event, weights, mask
+        As in `local_sensitivity`; any number of samples fits into memory.
+
+    Returns
+    -------
+    ndarray of shape (n, m)
+        NaN in rows that failed.
+
+    Raises
+    ------
+    InputError
+        If `weights` or the shape of `theta` cannot be used.
+
+    Examples
+    --------
+    At the nominal parameters nothing deviates:
+
+    >>> from errorscreen.cases.demo import demo_recordings
+    >>> from errorscreen.simulators import PlantSimulator
+    >>> plant = PlantSimulator("synchronous_machine", demo_recordings(random_state=0)[0])
+    >>> float(contribution_labels(plant, plant.parameters.nominal).max())
+    0.0
+    """
+    event = simulator.event if event is None else event
+    theta = simulator.parameters.validate(theta)
+    rows = _batch_rows(simulator, event)
+    blocks = [theta[start : start + rows] for start in range(0, len(theta), rows)]
+    found = [
+        local_sensitivity(simulator, block, event, weights=weights, mask=mask).values for block in blocks
+    ]
+    return np.asarray(simulator.parameters.deviation(theta) * np.concatenate(found))
+
+
+def batch_length(simulator: Simulator, event: Event, batch_size: int = 1024) -> int:
+    """Return how many simulations should go to a simulator at a time: at most `batch_size`, or about 128 MB."""
+    response_bytes = len(simulator.channels) * len(event.time) * np.dtype(float).itemsize
+    return max(1, min(batch_size, _BATCH_BYTES // (_COPIES * response_bytes)))
+
+
+def _batch_rows(simulator: Simulator, event: Event, batch_size: int = 1024) -> int:
+    """Return how many samples `local_sensitivity` should take at a time."""
+    return max(1, batch_length(simulator, event, batch_size) // (len(simulator.parameters) + 1))
+
+
+def generate_dataset(
+    simulator: Simulator,
+    n_samples: int,
+    event: Event | None = None,
+    *,
+    random_state: Any = None,
+    relative: bool = True,
+    step: float = 1e-3,
+    weights: ArrayLike | None = None,
+    n_jobs: int | None = None,
+    batch_size: int = 1024,
+    progress: bool = False,
+    checkpoint: str | os.PathLike[str] | None = None,
+) -> ErrorDataset:
+    r"""Sample a simulator and label each sample with the contribution of each parameter.
+
+    The samples are a Latin hypercube, equation (1). The label is the deviation times the local sensitivity at
+    the sample, equations (12)–(15): :math:`c_j = r_j S_j`, see `local_sensitivity`. This costs n·(m + 1)
+    simulations.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        Must be picklable where `n_jobs` is not 1.
+    n_samples : int
+    event : Event, optional
+        The simulator's own where not given.
+    random_state : None, int, SeedSequence, Generator or RandomState
+    relative, step, weights
+        As in `local_sensitivity`.
+    n_jobs : int, optional
+        Number of joblib workers; ``None`` follows ``joblib.parallel_config``, which also chooses the backend.
+        The result is the same, bit for bit, for any number.
+    batch_size : int, default 1024
+        About how many simulations go to the simulator at a time; fewer where the responses are long, so that a
+        batch takes about 128 MB.
+    progress : bool, default False
+        Show a progress bar.
+    checkpoint : path-like, optional
+        Folder in which finished batches are kept. An interrupted call that is repeated with the same
+        arguments, among them a `random_state` that is not ``None``, goes on where it ended.
+
+    Returns
+    -------
+    ErrorDataset
+        Failed samples are in it, with their status; `ErrorDataset.valid` leaves them out.
+
+    Raises
+    ------
+    InputError
+        If an argument cannot be used, or the checkpoint belongs to another run.
+    SimulationError
+        If the simulation at the nominal parameters or that of every sample fails.
+
+    Warns
+    -----
+    DataWarning
+        If some samples failed: how many, and what to do about it.
+    """
+    event = simulator.event if event is None else event
+    batch_size = check_integer(batch_size, "batch_size")
+    lambdas = channel_weights(weights, len(simulator.channels))
+    check_real(step, "step", low=0, above=True)
+    baseline = simulator.baseline(event)
+    theta = latin_hypercube(simulator.parameters, n_samples, random_state)
+
+    # fixed by the arguments alone, so that n_jobs changes nothing
+    rows = _batch_rows(simulator, event, batch_size)
+    batches = [theta[start : start + rows] for start in range(0, len(theta), rows)]
+    options = {"relative": bool(relative), "step": step, "weights": lambdas.tolist()}
+    store = None
+    if checkpoint is not None:
+        if random_state is None:
+            raise InputError("random_state is None, so the samples differ in each call", where="checkpoint")
+        fingerprint = {
+            "simulator": digest(
+                type(simulator).__qualname__, simulator.channels, simulator.settings(), baseline
+            ),
+            "parameters": digest(list(simulator.parameters)),
+            "event": digest(event),
+            "samples": digest(theta, rows),
+            "options": digest(options),
+        }
+        store = Checkpoint(checkpoint, fingerprint)
+    done = _run(simulator, batches, event, options, n_jobs, progress, store)
+    data = ErrorDataset(
+        theta=theta,
+        **{name: np.concatenate([batch[name] for batch in done]) for name in _FIELDS},
+        baseline=baseline,
+        names=simulator.parameters.names,
+        channels=tuple(simulator.channels),
+        time=event.time,
+        event=event.name,
+        metadata=options,
+    )
+    if data.n_failed == len(data):
+        raise SimulationError(f"every sample failed: {data.failures()}.")
+    if data.n_failed:
+        warnings.warn(
+            DataWarning(f"{data.n_failed} of {len(data)} samples are masked: {data.failures()}."),
+            stacklevel=2,
+        )
+    return data
+
+
+def _run(
+    simulator: Simulator,
+    batches: list[NDArray[np.float64]],
+    event: Event,
+    options: dict[str, Any],
+    n_jobs: int | None,
+    progress: bool,
+    store: Checkpoint | None,
+) -> list[_Batch]:
+    """Simulate and label the batches that are not stored yet; return all in order."""
+    done = {} if store is None else store.load(range(len(batches)))
+    missing = [i for i in range(len(batches)) if i not in done]
+    tasks = (delayed(_label)(simulator, batches[i], event, options) for i in missing)
+    results: Iterator[_Batch] = Parallel(n_jobs=n_jobs, return_as="generator")(tasks)
+    total = sum(map(len, batches))
+    with tqdm(total=total, desc="samples", unit="", disable=not progress) as bar:
+        bar.update(sum(len(batches[i]) for i in done))
+        try:
+            for i, result in zip(missing, results, strict=True):
+                done[i] = result
+                if store is not None:
+                    store.save(i, result)
+                bar.update(len(batches[i]))
+        except KeyboardInterrupt as interrupt:
+            if store is None:
+                raise
+            raise KeyboardInterrupt(
+                f"{len(done)} of {len(batches)} batches are stored in {store.folder}; "
+                "the same call goes on from there"
+            ) from interrupt
+    return [done[i] for i in range(len(batches))]
+
+
+def _label(simulator: Simulator, theta: NDArray[np.float64], event: Event, options: dict[str, Any]) -> _Batch:
+    """Responses, labels (equations (12)–(15)) and status of one batch of samples."""
+    sensitivity = local_sensitivity(simulator, theta, event, **options)
+    contributions = simulator.parameters.deviation(theta) * sensitivity.values
+    values = (sensitivity.responses, contributions, sensitivity.status)
+    return dict(zip(_FIELDS, values, strict=True))
+
+
+def _steps(simulator: Simulator, theta: NDArray[np.float64], step: float) -> NDArray[np.float64]:
+    """Δθ of each sample and parameter, (n, m): upwards, or downwards where that would leave the bounds."""
+    lower, upper = simulator.parameters.bounds.T
+    size = np.minimum(step * simulator.parameters.scales, (upper - lower) / 2)
+    return np.where(theta + size <= upper, size, -size)

@@ -1,0 +1,1 @@
+"""A power system with plants and loads under test."""

@@ -1,0 +1,389 @@
+"""A grid with machines and the plants under test: responses at observed buses and lines to events in the grid."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from errorscreen.data.observations import Observation
+from errorscreen.effects import Effect
+from errorscreen.engine import Engine, ReferenceEngine
+from errorscreen.events import Event, GridEvent
+from errorscreen.exceptions import InputError, check_real, unknown_name
+from errorscreen.models import LOAD, FixedMachine
+from errorscreen.parameters import ParameterSpace
+from errorscreen.power.load_flow import LoadFlow, solve_load_flow
+from errorscreen.power.network import Network
+from errorscreen.power.reduction import Reducer
+from errorscreen.simulators.assembly import (
+    INSIDE,
+    Prepared,
+    check_ports,
+    measured,
+    start_effects,
+    starting,
+    switched_off,
+)
+from errorscreen.simulators.base import Responses, Simulator, Status
+from errorscreen.simulators.grid.assembly import GridModel, grid_effects, qualified
+from errorscreen.simulators.grid.event_tables import courses, steps_at_rest, tables_in_time, what_happened
+from errorscreen.simulators.grid.unit import (
+    AtTerminals,
+    LoadUnderTest,
+    Unit,
+    at_rest,
+    at_terminals,
+    check_terminals,
+)
+from errorscreen.simulators.observations import observed_after
+from errorscreen.simulators.recent import Recent
+
+#: a channel beyond this is not that of a grid, in pu
+_PLAUSIBLE = 1e3
+#: sets of rows whose starts are kept, a few for each thread
+_STARTS = 8
+
+Values = dict[str, NDArray[np.float64]]
+
+
+class PowerSystemSimulator(Simulator):
+    """Voltages and powers observed in a grid when something happens in it.
+
+    The grid is reduced to the terminals of machines and units for each of its states, loads are constant impedances.
+    Every parameter vector starts at its own exact equilibrium: the load flow does not depend on the parameters. There
+    it rests until the grid changes, so integration begins just before that; where an effect moves something earlier, it
+    begins at once.
+
+    Parameters
+    ----------
+    network : Network
+        With one generator for each machine and unit.
+    units : iterable of Unit
+        Plants under test, whose parameters are the candidates; each device at most once.
+    machines : iterable of FixedMachine
+        All other generators.
+    loads : iterable of LoadUnderTest
+        Loads that may be no constant impedances: effects may act there. All others are constant impedances.
+    channels : mapping of str to int or (int, int)
+        Observed quantities in pu: a bus for the magnitude of its voltage; a pair (sending, receiving bus) for the
+        active power that arrives at the receiving bus over the branches between them.
+    event : GridEvent
+        What `simulate` uses where no event is given.
+    further : iterable of GridEvent
+        Others whose records may be wrong, too.
+    parameters : ParameterSpace, optional
+        Candidates, a subset of those of all devices in any order; all where not given.
+    f0 : float
+        Nominal frequency in Hz.
+    step : float
+        Longest step of the integration in seconds; the step used divides that of the time axis of an event, and
+        instants at which the grid changes must be multiples of it.
+    effects : iterable of Effect, optional
+        What could be added with `extend`; effects inside a unit name it as their device (`Effect.at`). The library of
+        each unit, measurement effects of the channels, and what may have been different in the events where not given.
+    n_threads : int, optional
+        Threads of the engine; the result does not depend on it.
+    engine : {"compiled", "numpy"}
+        ``"numpy"`` is the slow reference path of the same equations.
+
+    Examples
+    --------
+    A machine at bus 1 feeds a PV plant's bus; its load rises by a tenth:
+
+    >>> from errorscreen.events import LoadStep
+    >>> from errorscreen.power import Branch, Bus, Generator, Load, Network
+    >>> grid = Network(
+    ...     (Bus(1), Bus(2)), (Branch(1, 2, 0.0, 0.1),), slack=1, loads=(Load(2, 1.5),),
+    ...     generators=(Generator(1, v=1.0), Generator(2, p=0.7, v=1.0)),
+    ... )
+    >>> system = PowerSystemSimulator(
+    ...     grid,
+    ...     [Unit(2, "pv_plant", rating=100.0)],
+    ...     [FixedMachine(1, H=5.0, Xd1=0.1)],
+    ...     channels={"U": 2, "P": (1, 2)},
+    ...     event=LoadStep(np.arange(0, 2, 0.01), "load step", 1.0, factor=1.1),
+    ... )
+    >>> system.baseline().round(3)[:, [0, -1]]
+    array([[1.   , 0.993],
+           [0.8  , 0.926]])
+    """
+
+    def __init__(
+        self,
+        network: Network,
+        units: Iterable[Unit],
+        machines: Iterable[FixedMachine],
+        *,
+        loads: Iterable[LoadUnderTest] = (),
+        channels: Mapping[str, int | tuple[int, int]],
+        event: GridEvent,
+        further: Iterable[GridEvent] = (),
+        parameters: ParameterSpace | None = None,
+        f0: float = 60.0,
+        step: float = 0.0025,
+        effects: Iterable[Effect] | None = None,
+        n_threads: int | None = None,
+        engine: str = "compiled",
+    ) -> None:
+        self.network, self.event = network, event
+        self.units_under_test, self.machines = tuple(units), tuple(machines)
+        self.loads_under_test = tuple(loads)
+        self._items: tuple[Unit | LoadUnderTest, ...] = (*self.units_under_test, *self.loads_under_test)
+        self.observed = dict(channels)
+        self.f0 = check_real(f0, "f0", low=0, above=True, where="PowerSystemSimulator")
+        self.step = check_real(step, "the step", low=0, above=True, where="PowerSystemSimulator")
+        engines = {"compiled": Engine, "numpy": ReferenceEngine}
+        if engine not in engines:
+            raise unknown_name(engine, engines, kind="engine")
+        check_terminals(network, self.units_under_test, self.machines, self.loads_under_test)
+        if not self.observed:
+            raise InputError(
+                "there is no channel", where="PowerSystemSimulator", allowed="at least one bus or branch"
+            )
+        candidates = ParameterSpace(p for unit in self.units_under_test for p in unit.model.candidates)
+        self.parameters = candidates if parameters is None else parameters
+        for name in self.parameters.names:
+            candidates.index(name)
+        self.channels = tuple(self.observed)
+        self.units = ("pu",) * len(self.channels)
+        devices = {item.model.name: item.model for item in self._items}
+        if effects is None:
+            units, loads = self.units_under_test, self.loads_under_test
+            kinds = {u.model.name: u.model.name for u in units} | {i.model.name: LOAD.name for i in loads}
+            effects = grid_effects(kinds, self.channels, self.network, (event, *further))
+        self.effects = tuple(effects)
+        self._off = switched_off(self.effects)
+        inside = tuple(e for e in self.effects if e.kind in INSIDE)
+        for effect in inside:
+            if effect.device not in devices:
+                raise unknown_name(effect.device, devices, kind="device", where=f"effect {effect.name!r}")
+            check_ports(devices[effect.device], [effect])
+        self._inside = inside
+        self._grid = GridModel((m.bus for m in self.machines), devices.values(), self.observed, inside)
+        self._engine = engines[engine](self._grid.model(), n_threads)
+        self._flows: dict[float, LoadFlow] = {}
+        self._reducers: dict[float, Reducer] = {}
+        self._terminal_values: dict[float, AtTerminals] = {}
+        self._recent, self._recent_starts = Recent(), Recent(_STARTS)
+        self._reducer(event).anew(self._flow(event).network)  # an unknown bus, or no solution, shows here
+
+    def __repr__(self) -> str:
+        return (
+            f"PowerSystemSimulator({len(self.network.buses)} buses, {len(self.machines)} machines, "
+            f"{', '.join(u.model.name for u in self.units_under_test) or 'no unit'}"
+            + "".join(f" + {effect.name}" for effect in self.extensions)
+            + f", {len(self.parameters)} parameters)"
+        )
+
+    @property
+    def threads(self) -> int:
+        """How many threads may simulate at the same time: as many as share the simulations of a batch."""
+        return self._engine.threads
+
+    def settings(self) -> dict[str, Any]:
+        """Grid, machines, units, channels and longest step; see `Simulator.settings`."""
+        return {
+            "network": repr(self.network),
+            "machines": repr(self.machines),
+            "units": [[u.bus, u.model.name, u.rating, dict(u.constants)] for u in self.units_under_test],
+            "loads": [[load.bus, dict(load.constants)] for load in self.loads_under_test],
+            "channels": {name: repr(where) for name, where in self.observed.items()},
+            "f0": self.f0,
+            "step": self.step,
+            "extensions": [effect.name for effect in self.extensions],
+        }
+
+    def simulate(self, theta: ArrayLike, event: Event | None = None) -> Responses:
+        """Simulate every row of `theta`; see `Simulator.simulate`.
+
+        Parameters
+        ----------
+        theta : array-like of shape (n, m)
+        event : GridEvent, optional
+            `self.event` where not given. What is recorded at an instant at which the grid changes is the value just
+            after it.
+
+        Raises
+        ------
+        InputError
+            If the event is of another kind, or an instant at which the grid changes is no multiple of the step.
+        """
+        event = self.event if event is None else event
+        if not isinstance(event, GridEvent):
+            raise InputError(
+                f"a grid cannot be driven by a {type(event).__name__}",
+                allowed="BusFault, LineTrip, LoadStep, GridEvent",
+            )
+        theta = self.parameters.validate(theta)
+        x0, constants, start, values, h, every = self._prepared(theta, event)
+        tables, segment, possible = self._courses(theta, event, h, every)
+        start = start & possible
+        steps = every * (len(event.time) - 1)
+        # a measurement sees every step, and not only the instants that are compared
+        present = self._present(event)
+        distorted = any(effect.kind == "measurement" for effect in present)
+        record = 1 if distorted else every
+        out = np.full((len(theta), len(self.channels), steps // record + 1), np.nan)
+        # nothing moves before the event, unless it came earlier than recorded or an effect moves things by itself
+        wait, acting = steps_at_rest(self._course(event, h, every)[1], every), self._engine.acting(constants)
+        resting = (wait > 0) & (segment[..., : wait + 1] == 0).all(axis=-1) & start
+        asked = resting & acting
+        if asked.any():
+            resting[asked] = self._engine.at_rest(x0[asked], constants[asked], h=h, tables=tables[:1])
+        for rows, skipped in ((resting, wait), (start & ~resting, 0)):
+            if rows.any():
+                own = segment if segment.ndim == 1 else segment[rows]
+                part = self._engine.integrate(
+                    x0[rows], constants[rows], np.zeros((2 * (steps - skipped) + 1, 0)),
+                    h=h, every=record, tables=tables, segment=own[..., skipped:],
+                )  # fmt: skip
+                out[rows, :, : skipped // record] = part[:, :, :1]
+                out[rows, :, skipped // record :] = part
+        if distorted:
+            out = measured(out, self.channels, present, values, h)[..., ::every]
+        with np.errstate(invalid="ignore"):
+            well = (np.abs(out) < _PLAUSIBLE).all(axis=(1, 2))
+        out[~well] = np.nan
+        status = np.where(start, np.where(well, Status.OK, Status.DIVERGED), Status.NO_EQUILIBRIUM)
+        status[~possible] = Status.FAILED
+        return Responses(out, status.astype(np.int64), event.time, self.channels)
+
+    def trajectories(
+        self, theta: ArrayLike, event: Event, device: str = ""
+    ) -> dict[str, NDArray[np.float64]]:
+        """States of a unit on the time axis of an event, see `Simulator.trajectories`."""
+        assert isinstance(event, GridEvent)
+        own = [f"{device}.{s}" for i in self._items if i.model.name == device for s in i.model.states]
+        x0, constants, start, _, h, every = self._prepared(self.parameters.validate(theta), event)
+        if not start.all() or not own:
+            return {}
+        tables, segment = self._course(event, h, every)
+        steps = every * (len(event.time) - 1)
+        out = self._engine.integrate(
+            x0, constants, np.zeros((2 * steps + 1, 0)),
+            h=h, every=every, tables=tables, segment=segment, record=own,
+        )  # fmt: skip
+        return {name.removeprefix(f"{device}."): row for name, row in zip(own, out[0], strict=True)}
+
+    def _courses(
+        self, theta: NDArray[np.float64], event: GridEvent, h: float, every: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.bool_]]:
+        """States of the grid, which of them holds in each step of each row, and rows to which this can happen."""
+        altering = [e for e in self.extensions if e.kind == "event" and e.acts_in(event)]
+        tables, segment = self._course(event, h, every)  # what is on record must be possible
+        if not altering:
+            return tables, segment, np.ones(len(theta), dtype=bool)
+        happened = what_happened(event, altering, theta, self.parameters)
+        network, own = self._flow(event).network, self._tables(event)
+        return courses(happened, network, own, tables[0], segment.shape[-1], len(theta), h)
+
+    def _course(
+        self, event: GridEvent, h: float, every: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """States of the grid on record, and which of them holds in each step."""
+
+        def course() -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+            steps = every * (len(event.time) - 1)
+            return tables_in_time(event, self._flow(event).network, self._tables(event), h, steps)
+
+        found: tuple[NDArray[np.float64], NDArray[np.int64]] = self._recent.get((event,), (h,), course)
+        return found
+
+    def _tables(self, event: GridEvent) -> Callable[[Sequence[Network]], NDArray[np.float64]]:
+        """What gives the tables of states of the grid, with loads that draw their power before an event."""
+        return lambda networks: self._grid.tables(self._reducer(event)(networks))
+
+    def _reducer(self, event: GridEvent) -> Reducer:
+        """What reduces states of the grid; kept as load flows are."""
+        if event.level not in self._reducers:
+            flow = self._flow(event)
+            self._reducers[event.level] = Reducer(
+                flow.network,
+                self._terminals(),
+                load_voltages=flow.voltage,
+                observed=[w for w in self.observed.values() if not isinstance(w, tuple)],
+                flows=[w for w in self.observed.values() if isinstance(w, tuple)],
+                admittances={m.bus: m.admittance for m in self.machines},
+            )
+        return self._reducers[event.level]
+
+    def _prepared(self, theta: NDArray[np.float64], event: GridEvent) -> Prepared:
+        """What a simulation needs to begin, see `Prepared`."""
+        every = max(1, int(np.ceil(event.dt / self.step - 1e-9)))
+        h = event.dt / every
+        begin = min(event.start, event.time[-1] - event.dt) - event.time[0]
+        instants = float(begin), float(event.time[-1] - event.time[0])
+
+        def start() -> tuple[Any, ...]:
+            values, feasible = self._start(theta, event, instants, h)
+            return *starting(self._engine.model, values, feasible, len(theta)), values
+
+        acting = tuple(effect.acts_in(event) for effect in self.extensions)
+        model, known = (self.parameters, self.extensions), (event.level, instants, h, acting)
+        return *self._recent_starts.get(model, known, start, theta), h, every
+
+    def observe(self, recording: Any, event: Event | None = None) -> Observation:
+        """Bring a recording onto this simulator's channels and the time axis of what happened.
+
+        Its time stamps must count as those of the event do: the disturbance at ``event.start``.
+
+        Parameters
+        ----------
+        recording : Recording or Observation
+            Its channels have the names of this simulator's, in pu of the grid's base.
+        event : Event, optional
+            What happened, a `GridEvent`; that of this simulator where not given.
+
+        Raises
+        ------
+        InputError
+            If it has none of the channels, one in another unit, or is not a recording.
+        """
+        if isinstance(recording, Observation):
+            return recording
+        return observed_after(recording, self.event if event is None else event, self.channels, self.units)
+
+    def _terminals(self) -> list[int]:
+        """Buses of all currents, in the order of the model."""
+        return [m.bus for m in self.machines] + [item.bus for item in self._items]
+
+    def _flow(self, event: GridEvent) -> LoadFlow:
+        """Load flow before an event; kept for each level, because a search simulates the same few over and over."""
+        if event.level not in self._flows:
+            network = self.network
+            if event.level != 1:
+                network = network.with_load_scaled(event.level).with_generation_scaled(event.level)
+            self._flows[event.level] = solve_load_flow(network)
+        return self._flows[event.level]
+
+    def _start(
+        self, theta: NDArray[np.float64], event: GridEvent, instants: tuple[float, float], h: float
+    ) -> tuple[Values, NDArray[np.bool_]]:
+        """All states and constants by name, each of shape (n,) or (), and where an equilibrium exists.
+
+        It depends on nothing of the event but its level, which effects act in it, and when it begins and ends.
+        """
+        machines, powers = self._at_terminals(event)
+        values: Values = {"f0": np.array(self.f0), **machines}
+        feasible = np.ones(len(theta), dtype=bool)
+        given = self._named(theta, event)
+        clock = {name: np.array(t) for name, t in zip(("t_event", "t_stop"), instants, strict=True)}
+        of_device: dict[str, Values] = {}
+        for item, (size, voltage, power) in zip(self._items, powers, strict=True):
+            own, possible = at_rest(item, given, size, voltage, power, self.f0)
+            values |= {qualified(item.model.name, k): v for k, v in own.items()}
+            of_device[item.model.name] = own | clock
+            feasible = feasible & possible
+        values |= self._off | given
+        started = start_effects(self._inside, values, lambda effect: of_device[effect.device], h)
+        return values | started, feasible
+
+    def _at_terminals(self, event: GridEvent) -> AtTerminals:
+        """What holds at all terminals before an event; kept as load flows are."""
+        if event.level not in self._terminal_values:
+            found = at_terminals(self._flow(event), self.machines, self._items)
+            self._terminal_values[event.level] = found
+        return self._terminal_values[event.level]

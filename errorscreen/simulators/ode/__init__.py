@@ -1,0 +1,1 @@
+"""Models given as ordinary differential equations in Python."""

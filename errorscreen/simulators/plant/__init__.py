@@ -1,0 +1,1 @@
+"""One plant behind a recorded terminal voltage (playback)."""

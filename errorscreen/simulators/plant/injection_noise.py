@@ -1,0 +1,294 @@
+"""How uncertain a recorded response is because of the signals that are injected: their noise, and what lies between."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, median_filter, minimum_filter1d
+
+from errorscreen._runtime.threads import parallel_map
+from errorscreen.data.observations import Observation
+from errorscreen.data.signals import scatter
+from errorscreen.events import Playback
+from errorscreen.simulators.plant.playback import input_noise
+
+#: seconds over which the noise of an injected signal is taken together, and the most such blocks in a record
+_BLOCK, _MOST_BLOCKS = 0.08, 96
+#: errors from injected noise that are kept: at least so many standard deviations of the noise as a whole, so many
+_MATTERS, _MOST_MODES = 0.3, 48
+#: part of a channel's noise that is left at least where the channel is injected as well
+_LEAST_SHARE = 0.1
+#: a change of the response, rms, by more than this part of its movement and so many times the noise is another response
+_ANOTHER, _LEAST = 0.2, 3.0
+#: a signal jumps where it changes by so many standard deviations of its noise more than beside, and most such jumps
+_JUMP, _MOST_JUMPS = 8.0, 48
+#: standard deviation of what is equally probable anywhere in an interval, as a share of its length
+_ANYWHERE = 12**-0.5
+#: draws of the noise for its energy; with five, the slope of the energy is known to about a thirtieth
+NOISE_DRAWS = 5
+
+_Array = NDArray[np.float64]
+#: Response (R, L) to an event, or its change; takes ``interpolation``, ``step`` and ``jump`` by name.
+_Run = Callable[..., _Array]
+#: Shape in time of what one sample of noise does to a signal, and its standard deviation, for each signal.
+_Inputs = Mapping[str, tuple[_Array, float]]
+
+
+def noise_left(observation: Observation, errors: _Array, part: NDArray[np.bool_]) -> _Array:
+    """Standard deviation (R,) of the noise that is left in the errors of a simulation.
+
+    That of a channel itself, or what the errors scatter by before the event where that is more. Where a channel is also
+    injected, its noise moves the simulation as well, and less of it may be left.
+
+    Parameters
+    ----------
+    observation : Observation
+        Its event is a `Playback`.
+    errors : ndarray of shape (R, K)
+        Measured minus simulated before the event.
+    part : ndarray of shape (L,), bool
+        The samples before the event.
+    """
+    assert isinstance(observation.event, Playback)
+    time, noise = observation.time[part], np.array(observation.noise)
+    left = np.array([scatter(time, e) for e in errors])
+    for r, name in enumerate(observation.channels):
+        if name in observation.event.signals:
+            own = scatter(time, observation.values[r, part])
+            rest = np.sqrt(max(noise[r] ** 2 - own**2, 0.0) + left[r] ** 2)
+            noise[r] = np.clip(rest, _LEAST_SHARE * noise[r], noise[r])
+    return np.maximum(noise, left)
+
+
+def with_uncertainty(
+    observation: Observation, run: _Run, step: float, nominal: _Run, threads: int = 1
+) -> Observation:
+    """Return an observation with `Observation.extra` and `Observation.modes` as they follow from a model.
+
+    Where a small change of the input changes what happens (a plant trips that else does not), the responses say nothing
+    about uncertainty and are left out: a model on the edge between them would explain any recording.
+
+    Parameters
+    ----------
+    observation : Observation
+        Its event is a `Playback`.
+    run : callable
+        ``run(event, interpolation=..., step=..., jump=...)`` gives the response (R, L) of the model, NaN where it
+        fails.
+    step : float
+        Longest step of the integration that `run` uses, in seconds.
+    nominal : callable
+        As `run`, of the model that `Observation.noise` was estimated with. What the noise of the injected signals makes
+        of *its* response before the event is part of that noise; with another operating point more of it passes.
+    threads : int
+        How many simulations may run at the same time.
+    """
+    event = observation.event
+    assert isinstance(event, Playback)
+    response = run(event)
+    if np.isnan(response).any():  # whoever simulates will be told
+        return observation
+    part = observation.time < event.start - 2.5 * event.dt
+    noise = np.asarray(observation.noise)
+    changed = _changes(run, response, noise)
+    extra = np.zeros(observation.values.shape)
+    for options in ({"interpolation": "linear"}, {"step": 0.5 * step}):
+        change = np.abs(changed(event, **options))
+        usual = 3.0 * change[:, part].max(axis=1, initial=0.0)  # what noise alone makes of it
+        extra = np.hypot(extra, np.where(change > usual[:, None], change, 0.0))
+    extra = np.hypot(extra, _late(observation, part))
+    inputs = input_noise(event)
+    propagated = _propagated(changed, event, inputs, observation.channels)
+    counted = _propagated(_changes(nominal, nominal(event), noise), event, inputs, observation.channels)
+    quiet = np.median(counted[:, part], axis=1)[:, None] if part.any() else counted
+    extra = np.sqrt(extra**2 + np.maximum(propagated - quiet, 0.0))
+    # where less passes than was counted, as through a filter, less noise is expected
+    less = np.median((counted - propagated)[:, part], axis=1) if part.any() else np.zeros(len(noise))
+    own = np.sqrt(np.maximum(noise**2 - np.maximum(less, 0.0), (_LEAST_SHARE * noise) ** 2))
+    modes = _modes(changed, event, inputs, own, step, threads)
+    known = replace(observation, noise=own, extra=extra, modes=modes, propagated=None)
+    propagated_now = typical(propagated_energy(known, lambda event: run(event)[None]))[0]
+    return replace(known, propagated=propagated_now if np.isfinite(propagated_now).all() else None)
+
+
+def propagated_energy(observation: Observation, run: _Run) -> _Array:
+    """Energy of what each of some draws of the noise of the injected signals makes, in squared deviations.
+
+    The draws are the same for all rows and at every call, so that the energy follows parameters smoothly.
+
+    Parameters
+    ----------
+    observation : Observation
+        Its event is a `Playback`.
+    run : callable
+        ``run(event)`` gives responses (n, R, L), NaN where they fail.
+
+    Returns
+    -------
+    ndarray of shape (NOISE_DRAWS, n, R)
+        NaN where another response comes out.
+    """
+    event = observation.event
+    assert isinstance(event, Playback)
+    response = run(event)
+    rng = np.random.default_rng(NOISE_DRAWS)
+    found = []
+    for _ in range(NOISE_DRAWS):
+        added = {
+            name: np.convolve(sigma * rng.standard_normal(len(event.time)), shape)[: len(event.time)]
+            for name, (shape, sigma) in input_noise(event).items()
+        }
+        drawn = event
+        for name, change in added.items():
+            drawn = _moved(drawn, name, change)
+        changes = run(drawn) - response
+        same = [
+            _same_response(c, y, np.asarray(observation.noise))
+            for c, y in zip(changes, response, strict=True)
+        ]
+        for name in added.keys() & observation.channels:  # what is compared too moves both sides
+            changes[:, observation.channels.index(name)] -= added[name]
+        energy = np.nansum(observation.deviations(observation.values + changes) ** 2, axis=-1)
+        found.append(np.where(np.array(same)[:, None], energy, np.nan))
+    return np.array(found)
+
+
+def typical(energies: _Array) -> _Array:
+    """Median over draws that count, NaN without any: in a single draw a limiter may act that otherwise rests."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # of rows without any
+        return np.asarray(np.nanmedian(energies, axis=0))
+
+
+def _same_response(change: _Array, response: _Array, noise: _Array) -> bool:
+    """Whether a change (R, L) of a response is small: else another response comes out. False for NaN."""
+    movement = np.sqrt(np.mean((response - response[:, :1]) ** 2, axis=1))
+    most = np.maximum(_ANOTHER * movement, _LEAST * noise)
+    return bool((np.sqrt(np.mean(change**2, axis=1)) <= most).all())
+
+
+def _changes(run: _Run, response: _Array, noise: _Array) -> _Run:
+    """Changes of a model's response to its event, 0 where it fails or another response comes out."""
+
+    def changed(event: Playback, **options: Any) -> _Array:
+        change = run(event, **options) - response
+        return np.where(_same_response(change, response, noise), change, 0.0)
+
+    return changed
+
+
+def _propagated(changed: _Run, event: Playback, inputs: _Inputs, channels: tuple[str, ...]) -> _Array:
+    """Variance (R, L) of what the noise of the injected signals makes of the error at once.
+
+    A signal that is moved up and down for two samples each leaves slow dynamics at rest, so that two simulations show
+    at every sample how much of its noise passes through the device there. Of white noise that is read between two
+    samples, a part f after the first, 1 − 2 f (1 − f) of the variance is left, and as much of the two courses together;
+    of a course that changes from sample to sample it would be (1 − 2 f)². The noise of a signal that is also compared
+    moves both sides.
+    """
+    samples = np.arange(len(event.time))
+    total = np.zeros((len(channels), len(event.time)))
+    for name, (shape, sigma) in inputs.items():
+        size = sigma * shape[0]
+        for first in (0, 1):
+            course = size * np.where((samples + first) // 2 % 2, -1.0, 1.0)
+            change = changed(_moved(event, name, course))
+            if name in channels:
+                change[channels.index(name)] -= course
+            total += 0.5 * change**2
+    # where the model itself jumps, the change is no noise
+    return np.asarray(median_filter(total, size=(1, 5)))
+
+
+def _modes(
+    changed: _Run, event: Playback, inputs: _Inputs, noise: _Array, step: float, threads: int
+) -> _Array:
+    """Slow errors (K, R, L) that noise and unknown instants of the injected signals make behind the model's dynamics.
+
+    White noise over a block of samples acts on slow dynamics as their sum does, so each block is moved as a whole by
+    what its sum scatters, and what follows after the block is kept: what passes at once is white and part of `noise`.
+    Principal components that matter against the noise are returned.
+    """
+    length = len(event.time)
+    width = max(1, round(_BLOCK / event.dt), -(-length // _MOST_BLOCKS))
+
+    def after(name: str, shape: _Array, sigma: float, first: int) -> _Array:
+        block = np.zeros(length)
+        block[first : first + width] = 1.0
+        moved = np.convolve(block, shape)[:length] * sigma / np.sqrt(width)
+        change = changed(_moved(event, name, moved), step=2 * step)
+        change[:, : first + width + 2] = 0.0
+        return change
+
+    def unknown_instant(first: int, last: int) -> _Array:
+        early, late = (changed(event, jump=(first, last, early), step=2 * step) for early in (True, False))
+        return _ANYWHERE * (early - late)
+
+    calls = [
+        partial(after, name, shape, sigma, first)
+        for name, (shape, sigma) in inputs.items()
+        for first in range(0, length - 1, width)
+    ]
+    calls += [partial(unknown_instant, *jump) for jump in _jumps(event, inputs)]
+    rows = parallel_map(calls, threads)
+    if not rows:
+        return np.zeros((0, len(noise), length))
+    scaled = (np.array(rows) / noise[:, None]).reshape(len(rows), -1)
+    _, S, Vt = np.linalg.svd(scaled, full_matrices=False)
+    keep = min(int((S > _MATTERS).sum()), _MOST_MODES)
+    modes = (S[:keep, None] * Vt[:keep]).reshape(keep, len(noise), length)
+    return np.asarray(modes * noise[:, None])
+
+
+def _late(observation: Observation, part: NDArray[np.bool_]) -> _Array:
+    """Standard deviation (R, L) of readings that a meter holds, because it is unknown how old they are.
+
+    A held reading may show any value that the channel has had for as long as it is held; so may the reading of the
+    injected voltage, which makes the response early.
+    """
+    event = observation.event
+    assert isinstance(event, Playback)
+    out = np.zeros(observation.values.shape)
+    if event.age == 0.0:
+        return out
+    size = 2 * int(np.ceil(event.age / event.dt)) + 1
+    for r, values in enumerate(observation.values):
+        known = np.isfinite(values)
+        if known.any():
+            filled = np.interp(event.time, event.time[known], values[known])
+            spread = maximum_filter1d(filled, size) - minimum_filter1d(filled, size)
+            usual = spread[part].max(initial=0.0)  # what noise alone makes of it
+            out[r] = _ANYWHERE * np.where(spread > usual, spread, 0.0)
+    return out
+
+
+def _jumps(event: Playback, inputs: _Inputs) -> list[tuple[int, int]]:
+    """First and last sample of intervals in which a signal jumps, the largest jumps first.
+
+    Where a signal changes from one sample to the next, as at a fault, and moves little before and after, it may have
+    done so at any instant between them. Where readings are held, it may have done so while they were held.
+    """
+    width = max(1, round(event.age / event.dt))
+    if not inputs or len(event.time) <= 3 * width:
+        return []
+    strength = np.zeros(len(event.time) - width)
+    for name, (shape, sigma) in inputs.items():
+        change = np.abs(event.signals[name][width:] - event.signals[name][:-width])
+        alone = change.copy()
+        alone[width:] -= change[:-width]
+        alone[:-width] -= change[width:]
+        strength = np.maximum(strength, alone / (sigma * shape[0]))
+    peaks = np.flatnonzero((strength > _JUMP) & (strength == maximum_filter1d(strength, 2 * width + 1)))
+    largest = sorted(peaks, key=lambda k: -strength[k])[:_MOST_JUMPS]
+    return [(int(k), int(k) + width) for k in largest]
+
+
+def _moved(event: Playback, name: str, change: _Array) -> Playback:
+    """Return the event with one signal changed."""
+    return replace(event, signals={**event.signals, name: event.signals[name] + change})

@@ -1,0 +1,244 @@
+"""From a recording to what is injected at a terminal and compared with: the recorded voltage and power."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from errorscreen.data import resampling
+from errorscreen.data.observations import Observation
+from errorscreen.data.recordings import Recording
+from errorscreen.data.signals import scatter
+from errorscreen.events import Playback
+from errorscreen.exceptions import DataWarning, InputError
+
+#: In pu. A plant that gives less rests, or its P is on a base that is a hundred times too large; one that gives more
+#: than twice its rating has a wrong unit or base.
+LEAST_P, MOST_P = 0.01, 2.0
+#: Q of at least this (pu) and this part of P is a power factor under 0.55: no plant runs so for long.
+LARGE_Q, Q_OVER_P = 0.3, 1.5
+
+
+def playback_observation(
+    recording: Recording,
+    channels: tuple[str, ...],
+    *,
+    dt: float | None = None,
+    needs_angle: bool = True,
+    grid_impedance: complex = 0.0,
+    operating_point: Mapping[str, float] | None = None,
+) -> Observation:
+    r"""Voltage to inject and channels to compare with, on one uniform grid.
+
+    The angle is taken in a frame that rotates at the mean pre-event frequency, because the device is started at an
+    equilibrium: the straight line through the angle's quiet part is removed. Where only the frequency was recorded, the
+    angle is its integral, :math:`\theta = 2\pi\int (f - f_{pre})\,dt`. Short gaps of the voltage are interpolated,
+    longer ones (`errorscreen.data.resampling.SHORT_GAP`) only before the event, and nothing is compared there.
+
+    Parameters
+    ----------
+    recording : Recording
+    channels : tuple of str
+        Names of the R channels to compare with; one that was not recorded is all NaN.
+    dt : float, optional
+        Step of the grid in seconds; the recording's median sample distance where not given.
+    needs_angle : bool
+        Whether the device's response depends on the angle.
+    grid_impedance : complex
+        In pu. Where it is not 0, the recorded P and Q are injected beside the voltage.
+    operating_point : mapping of str to float, optional
+        Pre-event ``"P"`` or ``"Q"`` in pu, needed for what was not recorded.
+
+    Returns
+    -------
+    Observation
+
+    Raises
+    ------
+    InputError
+        If the voltage was not recorded or has a long gap in the event, or the angle is needed and neither angle nor
+        frequency was recorded, or P or Q was not recorded and there is an impedance, or an operating point is unknown.
+
+    Warns
+    -----
+    DataWarning
+        If the operating point is unlike a generator's: a wrong sign, base or column would explain it.
+    """
+    where = f"recording {recording.name!r}"
+    if "V" not in recording.channels:
+        raise InputError(
+            "the magnitude of the terminal voltage was not recorded",
+            where=where,
+            allowed="a channel V",
+            remedy="Plant playback injects the recorded voltage, so map a column to V",
+        )
+    source = recording.resample(dt)
+    time = source.time
+    notes = list(source.assumptions)
+    quiet = (time >= source.quiet[0]) & (time <= source.quiet[1])
+    unknown = np.zeros(len(time), dtype=bool)
+    signals = {"V": _filled(source, "V", unknown, notes)}
+    power = ["P", "Q"] if grid_impedance else []
+    # behind an impedance an angle counts for every device that there is one for, as a phase-locked loop follows it
+    needs_angle = needs_angle or bool(power and {"angle", "f"} & set(source.channels))
+    if needs_angle:
+        signals["angle"] = _angle(source, quiet, unknown, notes, where)
+    if power:
+        signals |= _power(source, unknown, notes, where)
+        notes.append(
+            "The plant moves its own voltage: it is driven by the voltage behind the grid's impedance of "
+            f"{grid_impedance.real:.3g} + j{grid_impedance.imag:.3g} pu."
+        )
+    given = {**source.given, **(operating_point or {})}
+    initial = {"V": source.initial(["V"])["V"]}
+    for name in ("P", "Q"):
+        measured = name in source.channels and np.isfinite(source.channels[name].values[quiet]).any()
+        if measured:
+            initial[name] = source.initial([name])[name]
+        elif name in given:
+            initial[name] = float(given[name])
+            if name not in source.given:  # else the recording says so itself
+                notes.append(
+                    f"{name} was not recorded before the event; it is taken as {initial[name]:g} pu."
+                )
+        else:
+            raise InputError(
+                f"{name} before the event is unknown: it was not recorded",
+                where=where,
+                remedy=f"Give it as operating point, for example {name} = 0.5 (pu)",
+            )
+    notes += _warn_implausible(initial["P"], initial["Q"], where)
+    values = np.full((len(channels), len(time)), np.nan)
+    noise = np.ones(len(channels))
+    for r, name in enumerate(channels):
+        if name in source.channels:
+            values[r] = source.channels[name].values
+            noise[r] = source.channels[name].noise
+    values[:, unknown] = np.nan
+    angle = ["angle" if "angle" in source.channels else "f"] if needs_angle else []
+    injected = {name: float(source.channels[name].noise) for name in ("V", *angle)}
+    # a stated noise of P and Q may stand for more than what scatters, and only that moves the voltage behind
+    injected |= {
+        name: min(
+            float(source.channels[name].noise), scatter(time[quiet], source.channels[name].values[quiet])
+        )
+        for name in power
+    }
+    used = {"V", *angle, *power, *channels} & set(source.channels)
+    age = max(source.channels[name].age for name in used)
+    event = Playback(time, source.name, source.event_time, signals, initial, injected, age)
+    return Observation(event, values, noise, channels, ("pu",) * len(channels), tuple(notes))
+
+
+def input_noise(event: Playback) -> dict[str, tuple[NDArray[np.float64], float]]:
+    """Noise of each injected signal.
+
+    Returns
+    -------
+    dict of str to (ndarray, float)
+        For each signal of the event what the noise of one sample adds to it from that sample on (a single value, or a
+        step where the angle is the integral of the frequency), and its standard deviation.
+    """
+    found = {name: (np.ones(1), sigma) for name, sigma in event.noise.items() if name != "f"}
+    if "f" in event.noise:
+        found["angle"] = (np.full(len(event.time), 2 * np.pi * event.dt), event.noise["f"])
+    return found
+
+
+def _warn_implausible(P: float, Q: float, where: str) -> list[str]:
+    """Sentences, also warned of, on an operating point that a generator rarely has but a wrong column often."""
+    notes = []
+    if abs(P) < LEAST_P:
+        notes.append(f"P before the event is only {P:.2g} pu: check its unit and base_mva.")
+    if abs(P) > MOST_P:
+        notes.append(f"P before the event is {P:.3g} pu: check its unit and base_mva.")
+    if P <= -LEAST_P:
+        notes.append(f"P before the event is {P:.3g} pu, but generation is positive: check its sign.")
+    if abs(Q) > max(LARGE_Q, Q_OVER_P * abs(P)):
+        notes.append(
+            f"Q before the event is {Q:.3g} pu and P {P:.3g} pu: check that they are not interchanged."
+        )
+    for note in notes:
+        # the same place for every caller, so that the note is shown once in a run
+        warnings.warn(f"{where}: {note}", DataWarning, stacklevel=2)
+    return notes
+
+
+def _filled(
+    recording: Recording, name: str, unknown: NDArray[np.bool_], notes: list[str]
+) -> NDArray[np.float64]:
+    """Channel without gaps: what is injected must be known at every instant; long gaps are marked in `unknown`."""
+    time, values = recording.time, recording.channels[name].values
+    known = np.isfinite(values)
+    if known.all():
+        return values
+    usual = resampling.spacing(time, values)
+    edges = np.flatnonzero(np.diff(np.r_[False, ~known, False]))
+    for first, last in zip(edges[::2], edges[1::2] - 1, strict=True):
+        start, stop = time[max(first - 1, 0)], time[min(last + 1, len(time) - 1)]
+        if stop - start <= resampling.SHORT_GAP * usual * (1 + 1e-9):  # at an end of the recording
+            continue
+        if stop > recording.event_time:
+            raise InputError(
+                f"{name} was not recorded from {start:g} to {stop:g} s, so it is unknown what drove the device in the "
+                "event",
+                where=f"recording {recording.name!r}",
+                allowed=f"gaps of at most {resampling.SHORT_GAP * usual:.3g} s from the event on",
+                remedy="End the window before the gap (t_end), or use another recording"
+                + (", or leave the grid's impedance out" if name in ("P", "Q") else ""),
+            )
+        unknown[first : last + 1] = True
+    notes.append(
+        f"{100 * np.mean(~known):.1f} % of {name} was missing and was interpolated for the injection"
+        + (", and nothing is compared there." if unknown.any() else ".")
+    )
+    return np.interp(time, time[known], values[known])
+
+
+def _power(
+    recording: Recording, unknown: NDArray[np.bool_], notes: list[str], where: str
+) -> dict[str, NDArray[np.float64]]:
+    """Recorded P and Q without gaps."""
+    for name in ("P", "Q"):
+        if name not in recording.channels or not np.isfinite(recording.channels[name].values).any():
+            raise InputError(
+                f"{name} was not recorded, so the voltage behind the grid's impedance is unknown",
+                where=where,
+                allowed="P and Q of the plant",
+                remedy=f"Map a column to {name}, or leave the grid's impedance out",
+            )
+    return {name: _filled(recording, name, unknown, notes) for name in ("P", "Q")}
+
+
+def _angle(
+    recording: Recording, quiet: NDArray[np.bool_], unknown: NDArray[np.bool_], notes: list[str], where: str
+) -> NDArray[np.float64]:
+    """Angle of the terminal voltage in rad against a frame of the pre-event frequency."""
+    time = recording.time
+    if "angle" in recording.channels:
+        angle = _filled(recording, "angle", unknown, notes)
+        slope, offset = (
+            np.polyfit(time[quiet], angle[quiet], 1) if quiet.sum() > 1 else (0.0, angle[quiet].mean())
+        )
+        notes.append(
+            "The angle is taken against a frame of the mean pre-event frequency, "
+            f"{recording.f_nominal + slope / (2 * np.pi):.4f} Hz."
+        )
+        return angle - offset - slope * time
+    if "f" in recording.channels:
+        frequency = _filled(recording, "f", unknown, notes)
+        before = float(frequency[quiet].mean())
+        deviation = 2 * np.pi * (frequency - before)
+        steps = 0.5 * (deviation[1:] + deviation[:-1]) * np.diff(time)
+        notes.append(f"The angle is the integral of the recorded frequency against {before:.4f} Hz.")
+        return np.concatenate([[0.0], np.cumsum(steps)])
+    raise InputError(
+        "neither the angle nor the frequency of the terminal voltage was recorded, and the response of this "
+        "device depends on it",
+        where=where,
+        allowed="a channel angle or f",
+        remedy="Map a column to angle or f; a converter model without inertia (pv_plant) needs none",
+    )

@@ -1,0 +1,397 @@
+"""Plant playback: one device, driven by the voltage recorded at its terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from errorscreen._runtime.threads import one_blas_thread
+from errorscreen.data.observations import Observation
+from errorscreen.data.recordings import Recording
+from errorscreen.data.resampling import check_steps
+from errorscreen.data.signals import correlation_time
+from errorscreen.effects import LIBRARY, Effect, common_skew, measurement_effects
+from errorscreen.engine import Engine, ReferenceEngine
+from errorscreen.events import Event, Playback
+from errorscreen.exceptions import InputError, unknown_name
+from errorscreen.models import DEVICES, Device
+from errorscreen.parameters import ParameterSpace
+from errorscreen.simulators.assembly import (
+    INSIDE,
+    Prepared,
+    assemble,
+    measured,
+    start_effects,
+    starting,
+    switched_off,
+)
+from errorscreen.simulators.base import Responses, Simulator, Status
+from errorscreen.simulators.observations import check_recording
+from errorscreen.simulators.plant.driving_voltage import check_impedance, driving_voltage
+from errorscreen.simulators.plant.injection_noise import noise_left, propagated_energy, with_uncertainty
+from errorscreen.simulators.plant.playback import playback_observation
+from errorscreen.simulators.recent import Recent
+
+#: a response beyond this is not a machine's or a converter's, in pu
+_PLAUSIBLE = 1e3
+
+
+class PlantSimulator(Simulator):
+    """Active and reactive power of one device at the voltage that was recorded at its terminal.
+
+    This is how plant models are validated in the field, because no model of the grid is needed. Every parameter
+    vector starts at its own exact equilibrium of the recorded pre-event voltage and power.
+
+    Parameters
+    ----------
+    device : Device or str
+        A device or its name: ``"synchronous_machine"``, ``"dfig_plant"``, ``"pv_plant"``.
+    recording : Recording, Observation or Playback
+        Gives the default event, and the channels where `channels` is not given.
+    parameters : ParameterSpace, optional
+        Candidate parameters, a subset of the device's in any order, with their nominal values and bounds;
+        those left out stay at the device's typical value. All of the device's own where not given.
+    constants : mapping of str to float, optional
+        Values of the device's other constants. The nominal frequency ``f0`` is that of the recording.
+    channels : iterable of str, optional
+        Of ``"P"``, ``"Q"``; those that were recorded where not given.
+    step : float
+        Longest step of the integration in seconds; the step used divides the step of the time axis.
+    dt : float, optional
+        Step of the time axis on which recordings are compared; their median sample distance where not given.
+    operating_point : mapping of str to float, optional
+        Pre-event ``"P"`` or ``"Q"`` in pu, for what was not recorded.
+    grid_impedance : complex, default 0
+        R + jX of the grid as the terminal sees it, in pu of the device's base. The recorded voltage holds what the
+        plant itself moved. Where it is known how much that is, the plant is driven by the voltage behind the impedance,
+        :math:`E = V_{rec} - Z I_{rec}`, and its own current moves the terminal, :math:`V = E + Z I`: a simulation
+        that agrees with the recording then sees the recorded voltage. P and Q must be recorded, and are taken as
+        true: there are no measurement effects. With 0 the recorded voltage is imposed.
+    effects : iterable of Effect, optional
+        Library compiled in; the device's own library where not given.
+    n_threads : int, optional
+        Threads of the engine; numba's setting where not given. The result does not depend on it.
+    engine : {"compiled", "numpy"}
+        ``"numpy"`` is the slow reference path of the same equations.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> time = np.arange(0, 2, 0.02)
+    >>> voltage = np.where((time > 0.5) & (time < 0.6), 0.7, 1.0)
+    >>> event = Playback(time, "dip", 0.5, {"V": voltage}, {"V": 1.0, "P": 0.8, "Q": 0.1})
+    >>> plant = PlantSimulator("pv_plant", event)
+    >>> responses = plant.simulate(plant.parameters.nominal)
+    >>> responses.values.shape, bool(responses.ok.all())
+    ((1, 2, 100), True)
+    """
+
+    def __init__(
+        self,
+        device: Device | str,
+        recording: Recording | Observation | Playback,
+        *,
+        parameters: ParameterSpace | None = None,
+        constants: Mapping[str, float] | None = None,
+        channels: Iterable[str] | None = None,
+        step: float = 0.0025,
+        dt: float | None = None,
+        operating_point: Mapping[str, float] | None = None,
+        grid_impedance: complex = 0.0,
+        effects: Iterable[Effect] | None = None,
+        n_threads: int | None = None,
+        engine: str = "compiled",
+    ) -> None:
+        if isinstance(device, str):
+            if device not in DEVICES:
+                raise unknown_name(device, DEVICES, kind="device")
+            device = DEVICES[device]
+        if not step > 0:
+            raise InputError(
+                f"the step is {step}", where="PlantSimulator", allowed="a positive number of seconds"
+            )
+        engines = {"compiled": Engine, "numpy": ReferenceEngine}
+        if engine not in engines:
+            raise unknown_name(engine, engines, kind="engine")
+        self.device = device
+        self.parameters = device.candidates if parameters is None else parameters
+        for name in self.parameters.names:
+            device.candidates.index(name)
+        self.grid_impedance = check_impedance(grid_impedance)
+        self._behind = self.grid_impedance != 0
+        self.constants = _with_frequency(
+            device.constant_values(constants, in_grid=self._behind), recording, constants
+        )
+        if self._behind:
+            self.constants |= {
+                "R_grid": self.grid_impedance.real,
+                "X_grid": self.grid_impedance.imag,
+                "size": 1.0,
+            }
+        if effects is None:
+            faults = () if self._behind else (*measurement_effects(device.outputs), common_skew())
+            effects = (*LIBRARY.get(device.name, ()), *faults)
+        self.effects = tuple(effects)
+        self._off = switched_off(self.effects)
+        wrong = [effect.name for effect in self.effects if self._behind and effect.kind == "measurement"]
+        if wrong:  # what is recorded wrongly would give a wrong voltage behind the impedance
+            raise InputError(
+                f"the effects {', '.join(wrong)} distort the power that the voltage behind the impedance follows from",
+                where="PlantSimulator, grid_impedance",
+                allowed="effects inside the device",
+                remedy="Look for faults of the measurement with the recorded voltage imposed",
+            )
+        self.step, self.dt = step, dt
+        self.operating_point = dict(operating_point or {})
+        self._recent = Recent()
+        self._engine = engines[engine](assemble(device, self.effects, self._behind), n_threads)
+        self.channels = _channels(recording, channels, device.outputs)
+        self.units = ("pu",) * len(self.channels)
+        self.event = recording if isinstance(recording, Playback) else self.observe(recording).event
+
+    def __repr__(self) -> str:
+        added = "".join(f" + {effect.name}" for effect in self.extensions)
+        return f"PlantSimulator({self.device.name}{added}, {len(self.parameters)} parameters)"
+
+    def observe(self, recording: Any) -> Observation:
+        """Bring a recording onto this simulator's channels, units (pu) and time grid.
+
+        Three uncertainties are added to the noise of the channels themselves. The noise of the injected voltage
+        passes through the device, and a stiff device amplifies it: where simulation and measurement differ by more
+        before the event, that is the noise. (Behind an impedance P and Q are injected as well, and simulation and
+        measurement may differ by less.) The level from which the simulation starts is a mean of noisy samples
+        (`Observation.level_std`). And the voltage is not known between its samples, nor is the integration exact:
+        where another interpolation or half the step changes the nominal response by more than noise does, that
+        change counts as uncertain (`Observation.extra`). `with_uncertainty` adds what passes through the device
+        where other parameters give it another operating point.
+
+        Parameters
+        ----------
+        recording : Recording or Observation
+
+        Raises
+        ------
+        InputError
+            If it lacks what the injection needs, or is not a recording.
+        """
+        if isinstance(recording, Observation):
+            return recording
+        recording = check_recording(recording)
+        observation = playback_observation(
+            recording,
+            self.channels,
+            dt=self.dt,
+            needs_angle=self.device.needs_angle,
+            grid_impedance=self.grid_impedance,
+            operating_point=self.operating_point,
+        )
+        return self._with_uncertainty(observation, recording)
+
+    @property
+    def threads(self) -> int:
+        """How many threads may simulate at the same time: as many as share the simulations of a batch."""
+        return self._engine.threads
+
+    def settings(self) -> dict[str, Any]:
+        """Device, constants, longest step and added effects; see `Simulator.settings`."""
+        return {
+            "device": self.device.name,
+            "constants": self.constants,
+            "step": self.step,
+            "extensions": [effect.name for effect in self.extensions],
+        }
+
+    def simulate(self, theta: ArrayLike, event: Event | None = None) -> Responses:
+        """Simulate every row of `theta`; see `Simulator.simulate`.
+
+        Parameters
+        ----------
+        theta : array-like of shape (n, m)
+        event : Playback, optional
+            `self.event` where not given.
+        """
+        event = self.event if event is None else event
+        if not isinstance(event, Playback):
+            raise InputError(f"a plant cannot be driven by a {type(event).__name__}", allowed="Playback")
+        return self._run(theta, event)
+
+    def _run(
+        self,
+        theta: ArrayLike,
+        event: Playback,
+        interpolation: str = "pchip",
+        step: float | None = None,
+        jump: tuple[int, int, bool] | None = None,
+    ) -> Responses:
+        """Simulate with a given interpolation of the voltage, longest step, and jump (see `driving_voltage`)."""
+        theta = self.parameters.validate(theta)
+        x0, constants, start, values, h, every = self._prepared(theta, event, step or self.step)
+        # a measurement sees every step, and not only the instants that are compared
+        acting = self._present(event)
+        distorted = any(effect.kind == "measurement" for effect in acting)
+        record = 1 if distorted else every
+        steps = every * (len(event.time) - 1)
+        injected = self._injected(event, every, interpolation, jump)
+        if len(start) and start.all():
+            out = self._engine.integrate(x0, constants, injected, h=h, every=record)
+        else:
+            out = np.full((len(theta), len(self.device.outputs), steps // record + 1), np.nan)
+            if start.any():
+                out[start] = self._engine.integrate(x0[start], constants[start], injected, h=h, every=record)
+        if distorted:
+            out = measured(out, self.device.outputs, acting, values, h)[..., ::every]
+        with np.errstate(invalid="ignore"):
+            well = (out.max(axis=(1, 2)) < _PLAUSIBLE) & (out.min(axis=(1, 2)) > -_PLAUSIBLE)
+        out[~well] = np.nan
+        status = np.where(start, np.where(well, Status.OK, Status.DIVERGED), Status.NO_EQUILIBRIUM)
+        rows = [self.device.outputs.index(name) for name in self.channels]
+        return Responses(out[:, rows], status.astype(np.int64), event.time, self.channels)
+
+    def trajectories(
+        self, theta: ArrayLike, event: Event, device: str = ""
+    ) -> dict[str, NDArray[np.float64]]:
+        """States of the device on the time axis of an event, see `Simulator.trajectories`."""
+        assert isinstance(event, Playback)
+        x0, constants, start, _, h, every = self._prepared(self.parameters.validate(theta), event, self.step)
+        if not start.all():
+            return {}
+        out = self._engine.integrate(
+            x0, constants, self._injected(event, every, "pchip"), h=h, every=every, record=self.device.states
+        )
+        return dict(zip(self.device.states, out[0], strict=True))
+
+    def _prepared(self, theta: NDArray[np.float64], event: Playback, step: float) -> Prepared:
+        """What a simulation needs to begin, see `Prepared`."""
+        check_steps(event.time[-1] - event.time[0], step, "PlantSimulator, step")
+        every = max(1, int(np.ceil(event.dt / step - 1e-9)))
+        h = event.dt / every
+        values = self._values(theta, event)
+        with np.errstate(all="ignore"):  # an absurd parameter shows in `feasible`
+            states, setpoints, feasible = self.device.initialise(values)
+        values |= {**states, **setpoints}
+        if self._behind:
+            values |= {state: values[name] for state, name in self.device.interface.states}
+        values |= {name: np.full(len(theta), t - event.time[0]) for name, t in _instants(event).items()}
+        values |= start_effects(self._inside, values, lambda effect: values, h)
+        return *starting(self._engine.model, values, feasible, len(theta)), values, h, every
+
+    def _injected(self, event: Playback, every: int, *between: Any) -> NDArray[np.float64]:
+        """Input of the engine; interpolation and jump say what lies between the samples."""
+
+        def compute() -> NDArray[np.float64]:
+            return driving_voltage(event, every, self.device.needs_angle, self.grid_impedance, *between)
+
+        return np.asarray(self._recent.get((event,), (every, *between), compute))
+
+    @one_blas_thread
+    def _with_uncertainty(self, observation: Observation, recording: Recording) -> Observation:
+        quiet = recording.quiet
+        event, nominal = observation.event, self.parameters.nominal
+        assert isinstance(event, Playback)
+        responses = self.simulate(nominal, event)
+        if not responses.ok.all():  # whoever simulates will be told
+            return observation
+        part = (observation.time >= quiet[0]) & (observation.time <= quiet[1])
+        errors = (observation.values - responses.values[0])[:, part]
+        noise = noise_left(observation, errors, part)
+        notes = [
+            f"The noise of {name} is taken as {new:.2g} instead of {old:.2g} pu, because the noise of what is injected "
+            "passes through the device."
+            for name, new, old in zip(self.channels, noise, observation.noise, strict=True)
+            if not old / 1.1 <= new <= 1.1 * old
+        ]
+        observation = replace(
+            observation,
+            noise=noise,
+            level_std=noise * np.sqrt([correlation_time(e) / max(len(e), 1) for e in errors]),
+        )
+        observation = self.with_uncertainty(observation, nominal)
+        assert observation.extra is not None
+        for name, sigma, more in zip(self.channels, noise, observation.extra, strict=True):
+            if more.max() > sigma:
+                notes.append(
+                    f"{name} is uncertain by up to {more.max():.2g} pu at {observation.time[more.argmax()]:.4g} s, "
+                    "because the voltage is not known between its samples or the integration step is too coarse for it."
+                )
+        return replace(observation, assumptions=(*observation.assumptions, *notes))
+
+    def with_uncertainty(
+        self, observation: Observation, theta: ArrayLike, estimated: ArrayLike | None = None
+    ) -> Observation:
+        """Uncertainty of a recording if `theta` are the true parameters; see `Simulator.with_uncertainty`."""
+        before = self.parameters.nominal if estimated is None else estimated
+
+        def run_of(values: ArrayLike) -> Callable[..., NDArray[np.float64]]:
+            return lambda event, **options: self._run(values, event, **options).values[0]
+
+        return with_uncertainty(observation, run_of(theta), self.step, run_of(before), self.threads)
+
+    def propagated_noise(self, observation: Observation, theta: ArrayLike) -> NDArray[np.float64]:
+        """Energy of what the noise of the injected signals makes; see `Simulator.propagated_noise`."""
+        return propagated_energy(observation, lambda event: self._run(theta, event).values)
+
+    def _values(self, theta: NDArray[np.float64], event: Playback) -> dict[str, NDArray[np.float64]]:
+        """All constants, parameters and the operating point by name, each of shape (n,)."""
+        one = np.ones(len(theta))
+        values = {p.name: p.nominal * one for p in self.device.candidates}
+        values |= {name: value * one for name, value in self.constants.items()}
+        values |= self._off
+        values |= self._named(theta, event)
+        values |= {name: float(event.initial[name]) * one for name in ("V", "P", "Q")}
+        for effect in self._present(event):
+            if effect.recorded is not None:
+                own = [values[effect.local(p.name)] for p in effect.parameters]
+                values[effect.channel] = effect.recorded(values[effect.channel], *own)
+        return values | {"angle": 0.0 * one}
+
+    @property
+    def _inside(self) -> tuple[Effect, ...]:
+        """Effects that are compiled in."""
+        return tuple(effect for effect in self.effects if effect.kind in INSIDE)
+
+
+def _instants(event: Playback) -> dict[str, float]:
+    """When the event begins and the record ends, in seconds, for effects that depend on time."""
+    # an event without a disturbance before its end still leaves a latent input a window of one sample
+    return {"t_event": min(event.start, event.time[-1] - event.dt), "t_stop": event.time[-1]}
+
+
+def _with_frequency(
+    values: dict[str, float], recording: Any, given: Mapping[str, float] | None
+) -> dict[str, float]:
+    """Constants with the nominal frequency of the recording, which a stated one must not contradict."""
+    if "f0" not in values or not isinstance(recording, Recording):
+        return values
+    stated = (given or {}).get("f0", recording.f_nominal)
+    if stated != recording.f_nominal:
+        raise InputError(
+            f"the constant f0 is {stated:g} Hz, but the recording's nominal frequency is {recording.f_nominal:g} Hz",
+            where="PlantSimulator",
+            allowed="the same frequency",
+            remedy="Leave f0 out, or correct f_nominal",
+        )
+    return {**values, "f0": recording.f_nominal}
+
+
+def _channels(recording: Any, channels: Iterable[str] | None, outputs: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of the observed channels."""
+    if channels is not None:
+        channels = tuple(channels)
+        for name in channels:
+            if name not in outputs:
+                raise unknown_name(name, outputs, kind="channel", where="PlantSimulator")
+    elif isinstance(recording, Playback):
+        channels = outputs
+    elif isinstance(recording, Observation):
+        channels = recording.channels
+    else:
+        channels = tuple(name for name in outputs if name in recording.channels)
+    if not channels:
+        raise InputError(
+            "neither P nor Q was recorded, so there is nothing to compare with", where="PlantSimulator"
+        )
+    return channels

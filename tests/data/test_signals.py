@@ -1,0 +1,122 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from errorscreen.data import signals
+from errorscreen.exceptions import InputError
+
+TIME = np.arange(300) / 60
+
+
+def _noise(seed: int, size: int = 300) -> np.ndarray:
+    return np.random.default_rng(seed).normal(size=size)
+
+
+@pytest.mark.parametrize("drift", [0.0, 0.5, -3.0])
+def test_noise_ignores_slow_drift_and_spikes(drift):
+    values = 1 + drift * TIME + 0.1 * drift * TIME**2 + 0.01 * _noise(1)
+    values[[40, 170]] += 2.0
+    assert signals.estimate_noise(TIME, values, (0, 5)) == pytest.approx(0.01, rel=0.15)
+
+
+@given(st.floats(1e-3, 1e3), st.floats(-100, 100))
+def test_noise_scales_with_the_unit_and_ignores_the_offset(scale, offset):
+    values = 0.01 * _noise(2)
+    plain, scaled = signals.scatter(TIME, values), signals.scatter(TIME, scale * values + offset)
+    assert scaled == pytest.approx(scale * plain, rel=1e-6, abs=1e-12)
+
+
+def test_noise_of_rounded_readings_is_the_rounding():
+    rounded = np.where(TIME < 1, 0.62, np.round(0.6 + 0.1 * np.sin(TIME), 2))
+    assert signals.estimate_noise(TIME, rounded, (0, 0.9)) == pytest.approx(0.01 / np.sqrt(12), rel=1e-6)
+
+
+def test_noise_counts_toggling_of_the_last_digit():
+    toggling = np.where(np.arange(300) % 4 == 0, 0.63, 0.62)
+    assert signals.estimate_noise(TIME, toggling, (0, 5)) == pytest.approx(np.std(toggling), rel=0.02)
+
+
+@given(st.floats(-1e6, 1e6))
+def test_noise_is_never_zero(level):
+    assert signals.estimate_noise(TIME, np.full(300, level), (0, 5)) > 0
+
+
+def test_too_short_a_quiet_part_is_refused():
+    with pytest.raises(InputError, match=r"4 readings in the quiet part .* Allowed: at least 5"):
+        signals.estimate_noise(TIME, np.ones(300), (0, 3.5 / 60))
+
+
+@given(st.integers(2, 6))
+def test_held_readings_are_recognised_and_dropped(hold):
+    fresh = _noise(3, 80)
+    held = np.repeat(fresh, hold)
+    assert signals.hold_length(held) == hold
+    left = signals.drop_held(held, hold)
+    np.testing.assert_array_equal(left[np.isfinite(left)], fresh)
+
+
+def test_a_meter_read_slightly_faster_than_it_updates_is_held():
+    updates = np.floor(np.arange(200) * 0.7).astype(int)
+    assert signals.hold_length(_noise(4, 200)[updates]) == 2
+
+
+def test_a_resting_channel_is_not_held():
+    assert signals.hold_length(np.where(TIME < 2, 0.5, np.sin(TIME))) == 1
+    assert signals.hold_length(np.round(np.where(TIME < 2, 0.5, 0.5 * np.exp(2 - TIME)), 3)) == 1
+
+
+@given(st.integers(30, 270), st.floats(0.02, 0.5), st.booleans(), st.integers(0, 20))
+def test_a_step_is_found_at_its_sample(start, size, down, seed):
+    values = 1 + 1e-3 * _noise(seed)
+    values[start:] += -size if down else size
+    assert signals.detect_event(TIME, {"V": values}) == TIME[start]
+
+
+def test_correlated_noise_is_no_event():
+    for seed in range(100):
+        noise = np.convolve(_noise(seed, 304), np.ones(5) / np.sqrt(5), "valid")
+        values = np.where(TIME < 1, 1.0, 0.8) + 0.006 * noise  # 30 dB
+        assert signals.detect_event(TIME, {"V": values}) == 1.0
+
+
+def test_the_earliest_channel_sets_the_event():
+    early, late = np.where(TIME < 1, 1.0, 0.7), np.where(TIME < 2, 0.5, 0.2)
+    assert signals.detect_event(TIME, {"P": late, "V": early}) == 1.0
+
+
+def test_one_spike_and_a_slow_drift_are_no_event():
+    values = 1 + 0.001 * TIME + 1e-3 * _noise(5)
+    values[50] = 1.5
+    with pytest.raises(InputError, match="no event was found: V never leaves its quiet band"):
+        signals.detect_event(TIME, {"V": values})
+    values[200:] -= 0.3
+    assert signals.detect_event(TIME, {"V": values}) == TIME[200]
+
+
+def test_what_moves_less_than_least_is_no_event():
+    values = np.where(TIME < 1, 0.620, 0.621)
+    assert signals.detect_event(TIME, {"P": values}) == 1.0
+    with pytest.raises(InputError, match="no event"):
+        signals.detect_event(TIME, {"P": values}, least=0.002)
+
+
+@pytest.mark.parametrize("rate", [1.0, 3.0, 7.0])
+@pytest.mark.parametrize("phase", [0.0, 0.5, 1.0, 1.5])
+def test_a_recording_that_starts_within_the_event_is_refused(rate, phase):
+    with pytest.raises(InputError, match="moves from its first reading on"):
+        signals.detect_event(TIME, {"P": np.cos(rate * TIME + phase) * np.exp(-TIME)})
+
+
+@pytest.mark.parametrize("before", [1, 2, 3, 4])
+def test_too_few_readings_before_a_clear_event_are_called_so(before):
+    values = 1 + 1e-3 * _noise(6)
+    values[before:] -= 0.5 * np.exp(-TIME[: len(TIME) - before])
+    with pytest.raises(InputError, match="no quiet part: 'V' moves from its first reading on"):
+        signals.detect_event(TIME, {"V": values}, least=0.002)
+
+
+@given(st.integers(0, 1000))
+def test_noise_alone_is_no_event_and_has_a_quiet_part(seed):
+    with pytest.raises(InputError, match="no event was found"):
+        signals.detect_event(TIME, {"V": 1 + 1e-3 * _noise(seed)})
