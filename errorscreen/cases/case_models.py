@@ -162,10 +162,10 @@ class CalibrationSection(Section):
         default=["map", "pso"], min_length=1, description="calibrators; the diagnosis shows the first one"
     )
     prior_scale: Positive = Field(default=0.3, description="map: relative standard deviation of the prior")
-    starts: Count = Field(default=8, description="map: number of starts")
-    library: Count = Field(default=2048, description="map: simulations from which the starts are taken")
+    starts: Count = Field(default=4, description="starts of the fit of all parameters")
+    library: Count = Field(default=2048, description="simulations from which these starts are taken")
     level: Annotated[float, Field(gt=0, lt=1)] = Field(
-        default=0.9, description="map: probability of the intervals"
+        default=0.9, description="probability of the intervals"
     )
     particles: Annotated[int, Field(ge=2)] = Field(default=30, description="pso: number of particles")
     iterations: Count = Field(default=80, description="pso: number of iterations")
@@ -200,7 +200,6 @@ class DiscoverySection(Section):
     draws: Annotated[int, Field(ge=8)] = Field(
         default=128, description="draws of an effect's parameters in each round of its signature"
     )
-    starts: Count = Field(default=4, description="starts of the fit without effects")
     significance: Annotated[float, Field(ge=0.001, lt=1)] = Field(
         default=0.002,
         description="probability below which what is left counts as more than noise; the draws of the test tell none "

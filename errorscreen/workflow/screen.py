@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -19,6 +18,7 @@ from errorscreen.features import ResponseErrorTransformer
 from errorscreen.learning.generation import generate_dataset
 from errorscreen.learning.regressors import import_network
 from errorscreen.metrics import ranking
+from errorscreen.report.result import Screening
 from errorscreen.screening import (
     ContributionScreener,
     RandomScreener,
@@ -31,32 +31,6 @@ from errorscreen.simulators.base import Simulator
 
 #: of the training
 _THREADS = 1
-
-
-@dataclass(frozen=True)
-class Screened:
-    """Result of one screener.
-
-    Parameters
-    ----------
-    method : str
-        ``"cnn"``, ``"sensitivity"`` or ``"random"``.
-    contributions : ndarray of shape (m,)
-    names : tuple of str
-        Selected parameters, the most suspicious first.
-    seconds : float
-    n_simulations, n_failed : int
-    threads : int or None
-        Of the training, where there was one.
-    """
-
-    method: str
-    contributions: NDArray[np.float64]
-    names: tuple[str, ...]
-    seconds: float
-    n_simulations: int
-    n_failed: int
-    threads: int | None
 
 
 def selector(section: ScreeningSection) -> TopKSelector | RelativeThresholdSelector:
@@ -74,8 +48,8 @@ def screen(
     run: RunSection,
     folder: Path,
     progress: bool,
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Compute one screener, as arrays and JSON values for the store."""
+) -> Screening:
+    """Rank the parameters by one screener, and select."""
     start = perf_counter()
     n_failed = 0
     space = simulator.parameters
@@ -91,19 +65,21 @@ def screen(
             RandomScreener(simulator, random_state=run.random_state).fit(observation).contributions_
         )
         n_simulations = 0
-    names = [
-        space.names[j]
-        for j in ranking(contributions)
-        if j in set(selector(section).select(contributions).tolist())
-    ]
-    meta = {
-        "names": names,
-        "seconds": perf_counter() - start,
-        "n_simulations": n_simulations,
-        "n_failed": n_failed,
-        "threads": _THREADS if method == "cnn" else None,
-    }
-    return {"contributions": contributions}, meta
+    rule = selector(section)
+    selected = set(rule.select(contributions).tolist())
+    words = (
+        f"the {rule.k} largest" if hasattr(rule, "k") else f"those above {rule.threshold:g} of the largest"
+    )
+    return Screening(
+        method,
+        dict(zip(space.names, contributions.tolist(), strict=True)),
+        tuple(space.names[j] for j in ranking(contributions) if j in selected),
+        words,
+        n_simulations=n_simulations,
+        n_failed=n_failed,
+        seconds=perf_counter() - start,
+        threads=_THREADS if method == "cnn" else None,
+    )
 
 
 def error_pipeline(
