@@ -6,6 +6,8 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 _Json = dict[str, Any]
+#: cause of a study that searched none
+_NOT_SEARCHED: _Json = {"name": "unknown", "title": "Unknown", "kind": "unknown", "probability": None}
 
 
 def upgraded(old: _Json) -> _Json:
@@ -25,7 +27,7 @@ def upgraded(old: _Json) -> _Json:
         "recordings": [{"path": None, "assumptions": [], **_channels(one)} for one in old["data"]],
         "diagnosis": {
             "verdict": {key: old["verdict"][key] for key in ("kind", "text")},
-            "causes": [_cause(cause) for cause in old["verdict"].get("causes", [])],
+            "causes": [_cause(cause) for cause in old["verdict"].get("causes", [])] or [_NOT_SEARCHED],
             "groups": old.get("groups", []),
             "input_locations": found.get("places", []),
             "cells": [{"expected": None, "significant": True, **cell} for cell in found.get("cells", [])],

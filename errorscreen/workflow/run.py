@@ -262,8 +262,11 @@ def _diagnosed(study: Study, store: StageStore) -> Diagnosis:
     section, base = study.discovery, study.calibration
     # other held-out recordings leave the search valid
     search = store.folder(study.fingerprint("diagnosis", study.together)) / "search"
+    simulator = study.simulator
+    if section.enabled:  # a search refines the step where it matters, a fit alone does not
+        simulator = search_simulator(simulator, section, study.observations)
     finder = CauseFinder(
-        search_simulator(study.simulator, section, study.observations),
+        simulator,
         section.effects,
         max_effects=section.max_effects if section.enabled else 0,
         n_fits=section.fits,

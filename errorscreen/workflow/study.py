@@ -173,12 +173,12 @@ class Study:
             Dependencies beside the model, the first recording and the stage's section: other recordings, and results
             of earlier stages.
         """
-        section: dict[str, Any]
-        if stage == "diagnosis":
-            base = self.calibration
-            section = {**self.discovery.model_dump(), "base": [base.starts, base.library, base.level]}
-        else:  # the list of methods changes nothing in each of them
-            section = getattr(self, stage).model_dump(exclude={"methods"})
+        base = self.calibration.model_dump(include={"starts", "library", "level"})
+        sections: dict[Stage, dict[str, Any]] = {  # the list of methods changes nothing in each of them
+            "screening": self.screening.model_dump(exclude={"methods"}),
+            "calibration": self.calibration.model_dump(exclude={"methods", "prior_scale", *base}),
+            "diagnosis": {**self.discovery.model_dump(), **base},
+        }
         return digest(
             program(),
             stage,
@@ -186,7 +186,7 @@ class Study:
             repr(self.simulator),
             self.simulator.settings(),
             self.observation,
-            section,
+            sections[stage],
             self.run.random_state,
             list(more),
         )

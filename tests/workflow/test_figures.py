@@ -1,10 +1,13 @@
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 
 from errorscreen.data.observations import Observation
 from errorscreen.events import Event
+from errorscreen.workflow import Outcome
 from errorscreen.workflow.figures import figures
+from tests.report.samples import diagnosis, method, result
 
 TIME = np.arange(400) * 0.02
 
@@ -16,9 +19,15 @@ def error_image(until=np.inf):
     before = np.stack([swing, np.zeros(len(TIME))])
     noise[:, until <= TIME] = np.nan
     seen = Observation(Event(TIME, "trip", start=2.0), noise, np.full(2, 0.01), ("P", "Q"), ("pu", "pu"))
-    best = SimpleNamespace(label="map on all", responses=[np.zeros_like(before)])
-    study = SimpleNamespace(observation=seen, roles=("fit",), run=SimpleNamespace(random_state=0))
-    outcome = SimpleNamespace(study=study, observations=(seen,), before=[before], best=best)
+    found = result(
+        diagnosis=diagnosis(),
+        calibration=(replace(method("map"), selection="all", level=float("nan")),),
+        screening=(),
+    )
+    study = SimpleNamespace(
+        observation=seen, observations=(seen,), roles=("fit",), run=SimpleNamespace(random_state=0)
+    )
+    outcome = Outcome(study, found, {"nominal": (before,), "map on all": (np.zeros_like(before),)})
     return next(figure for figure in figures(outcome) if figure.section == "errors")
 
 
@@ -46,4 +55,4 @@ def test_the_picture_of_an_error_outlines_where_it_is_more_than_noise():
 def test_nothing_is_outlined_where_too_little_was_measured_to_tell():
     image = error_image(until=2.01)
     assert not any(outlines(image).values())
-    assert image.caption.endswith("distort.")
+    assert image.caption.endswith("ends of the record.")

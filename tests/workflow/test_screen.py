@@ -27,7 +27,7 @@ def test_a_network_learns_from_a_longer_step_whose_error_is_well_below_noise(dem
     generate = stage.generate_dataset
     monkeypatch.setattr(stage, "generate_dataset", generated)
     section, run = ScreeningSection(samples=40, epochs=1), RunSection()
-    arrays, meta = stage.screen("cnn", plant, observation, section, run, tmp_path, False)
+    found = stage.screen("cnn", plant, observation, section, run, tmp_path, False)
     ((step, dataset),) = made
     assert plant.step < step <= observation.event.dt
     theta, responses = dataset.theta, dataset.responses
@@ -35,13 +35,13 @@ def test_a_network_learns_from_a_longer_step_whose_error_is_well_below_noise(dem
     added = ((responses - exact) / observation.noise[:, None])[:, observation.mask]
     assert np.quantile(np.sqrt(np.mean(added**2, axis=1)), 0.9) < 0.5
     # what was asked about the step counts, too
-    assert meta["n_simulations"] > 40 * (len(plant.parameters) + 1)
-    assert np.all(np.isfinite(arrays["contributions"]))
+    assert found.n_simulations > 40 * (len(plant.parameters) + 1)
+    assert np.all(np.isfinite(list(found.contributions.values())))
 
 
 @pytest.mark.parametrize(("method", "count"), [("sensitivity", 9), ("random", 0)])
 def test_other_methods_count_what_they_simulate(demo, tmp_path, method, count):
     plant, observation = demo
-    _, meta = stage.screen(method, plant, observation, ScreeningSection(), RunSection(), tmp_path, False)
-    assert meta["n_simulations"] == count
-    assert set(meta["names"]) <= set(plant.parameters.names)
+    found = stage.screen(method, plant, observation, ScreeningSection(), RunSection(), tmp_path, False)
+    assert found.n_simulations == count
+    assert set(found.selected) <= set(plant.parameters.names)

@@ -1,3 +1,4 @@
+import logging
 import os
 import re
 import time
@@ -16,17 +17,18 @@ from errorscreen.cases.case_models import (
     ScreeningSection,
 )
 from errorscreen.cases.demo import demo_recordings
+from errorscreen.data.preparation import Doubt
 from errorscreen.exceptions import InputError
 from errorscreen.screening import RelativeThresholdSelector, TopKSelector
 from errorscreen.simulators import PlantSimulator
-from errorscreen.workflow import Study, build_result, run, run_study, write_outputs
+from errorscreen.workflow import Study, run, run_study, write_outputs
 from errorscreen.workflow.demo import demo_study
 from errorscreen.workflow.screen import selector
 from tests.plants import dip
 
 QUICK = SimpleNamespace(
     screening=ScreeningSection(methods=["sensitivity", "random"], top_k=3),
-    calibration=CalibrationSection(library=256, starts=4),
+    calibration=CalibrationSection(library=256),
     discovery=DiscoverySection(enabled=False),
     run=RunSection(),
 )
@@ -52,42 +54,42 @@ WITH_NETWORK = SimpleNamespace(
 )
 
 
-def failing(study, store, progress, report):
+def failing(study, store, progress):
     raise InputError(f"meant by process {os.getpid()}")
 
 
 def test_what_fails_beside_the_search_ends_it(tmp_path, monkeypatch):
     """It is told at the next line of the search, and comes from another process."""
 
-    def searched(study, store, report):
+    def searched(study, store):
         for _ in range(600):
-            report("another line")
+            logging.getLogger("errorscreen.discovery").info("another line")
             time.sleep(0.1)
 
-    monkeypatch.setattr(run, "_fitted", failing)
-    monkeypatch.setattr(run, "_discovered", searched)
+    monkeypatch.setattr(run, "_selected", failing)
+    monkeypatch.setattr(run, "_diagnosed", searched)
     with pytest.raises(InputError, match="meant by process") as caught:
         run_study(quick_study(sections=WITH_NETWORK), tmp_path)
     assert f"process {os.getpid()}" not in str(caught.value)
-    # without a search there is nothing beside which it could run
+    # without a network it runs in this process
     with pytest.raises(InputError, match=f"meant by process {os.getpid()}"):
         run_study(quick_study(), tmp_path)
 
 
-def test_what_is_killed_beside_the_search_is_made_up_for_after_it(tmp_path, monkeypatch):
+def test_a_process_that_is_killed_beside_the_search_is_made_up_for_after_it(tmp_path, monkeypatch):
     here, lines = os.getpid(), []
 
-    def killed(study, store, progress, report):
+    def killed(study, store, progress):
         if os.getpid() != here:
             os._exit(1)
-        report("made up for")
+        lines.append("made up for")
         raise InputError("enough")
 
-    monkeypatch.setattr(run, "_fitted", killed)
-    monkeypatch.setattr(run, "_discovered", lambda study, store, report: report("searched"))
+    monkeypatch.setattr(run, "_selected", killed)
+    monkeypatch.setattr(run, "_diagnosed", lambda study, store: lines.append("searched"))
     with pytest.raises(InputError, match="enough"):
-        run_study(quick_study(sections=WITH_NETWORK), tmp_path, report=lines.append)
-    assert lines.index("searched") < lines.index("made up for")
+        run_study(quick_study(sections=WITH_NETWORK), tmp_path)
+    assert lines == ["searched", "made up for"]
 
 
 def test_the_fingerprint_of_a_stage_knows_everything_that_it_depends_on():
@@ -101,37 +103,45 @@ def test_the_fingerprint_of_a_stage_knows_everything_that_it_depends_on():
         replace(base, simulator=base.simulator.extend("exciter")),
         replace(base, simulator=base.simulator.with_nominal(base.simulator.parameters.nominal * 1.01)),
     ]
-    for stage in ("screening", "calibration", "discovery"):
+    for stage in ("screening", "calibration", "diagnosis"):
         prints = [s.fingerprint(stage) for s in (base, *others)]
         prints += [base.fingerprint(stage, base.held_out), base.fingerprint(stage, ("Xd",))]
         assert len(set(prints)) == len(prints)
         assert again.fingerprint(stage) == prints[0]
         assert replace(base, run=RunSection(n_jobs=2)).fingerprint(stage) == prints[0]
-    assert len({base.fingerprint(stage) for stage in ("screening", "calibration", "discovery")}) == 3
+    assert len({base.fingerprint(stage) for stage in ("screening", "calibration", "diagnosis")}) == 3
 
 
 @pytest.mark.parametrize(
-    ("stage", "changed", "same"),
+    ("stage", "section", "changed", "same"),
     [
         (
+            "screening",
             "screening",
             ScreeningSection(methods=["sensitivity", "random"], top_k=2),
             ScreeningSection(methods=["random"], top_k=3),
         ),
         (
             "calibration",
-            CalibrationSection(library=256, starts=4, level=0.5),
-            CalibrationSection(library=256, starts=4, methods=["map"]),
+            "calibration",
+            CalibrationSection(library=256, particles=5),
+            CalibrationSection(library=256, methods=["map"], prior_scale=0.2),
         ),
-        ("discovery", DiscoverySection(fits=3), DiscoverySection(enabled=True)),
+        (
+            "diagnosis",
+            "calibration",
+            CalibrationSection(library=256, level=0.5),
+            CalibrationSection(library=256),
+        ),
+        ("diagnosis", "discovery", DiscoverySection(fits=3, enabled=False), DiscoverySection(enabled=False)),
     ],
 )
-def test_a_stage_depends_on_its_own_section_only(stage, changed, same):
+def test_a_stage_depends_on_its_own_keys_only(stage, section, changed, same):
     base = quick_study()
-    for other in ("screening", "calibration", "discovery"):
-        differs = replace(base, **{stage: changed}).fingerprint(other) != base.fingerprint(other)
+    for other in ("screening", "calibration", "diagnosis"):
+        differs = replace(base, **{section: changed}).fingerprint(other) != base.fingerprint(other)
         assert differs == (other == stage)
-        assert replace(base, **{stage: same}).fingerprint(other) == base.fingerprint(other)
+        assert replace(base, **{section: same}).fingerprint(other) == base.fingerprint(other)
 
 
 def plant_case(folder, more=""):
@@ -219,11 +229,12 @@ def test_a_case_compares_recordings_with_a_grid(grid_case, tmp_path):
     sections = {"screening": QUICK.screening, "discovery": QUICK.discovery}
     quick = replace(study, calibration=CalibrationSection(library=16, starts=2, methods=["map"]), **sections)
     outcome = run_study(quick, tmp_path)
-    found = dict(zip(study.simulator.parameters.names, outcome.best.theta, strict=True))
+    found = {p.name: p.value for p in outcome.result.calibration[0].parameters}
     assert found["Xd1"] == pytest.approx(1.2 * study.simulator.parameters["Xd1"].nominal, rel=0.05)
-    for before, after in zip(outcome.fits[1:], outcome.best.fits[1:], strict=True):
-        assert all(two.E < one.E for one, two in zip(before, after, strict=True))
-    assert outcome.verdict.kind == "parameters"
+    before, after = outcome.result.models
+    for one in (c for c in before.channels if c.recording != "bus3"):
+        assert after.channel(one.recording, one.channel).E < one.E
+    assert outcome.result.diagnosis.final.kind == "parameters"
     result, report = write_outputs(outcome, tmp_path)
     assert "What happened, as stated: line trip, ends [2, 3]" in result.read_text()
     assert report.stat().st_size > 10_000
@@ -273,51 +284,70 @@ def test_what_a_grid_cannot_have_is_refused_with_its_recording(grid_case, old, n
 
 
 def test_held_out_recordings_are_judged_on_and_not_fitted(outcome, tmp_path):
-    alone = run_study(replace(outcome.study, held_out=()), tmp_path)
-    assert np.array_equal(alone.best.theta, outcome.best.theta)
-    assert len(outcome.best.fits) == 3
-    assert len(alone.best.fits) == 1
-    # the truth has the model's structure, so what was learned from one event holds for the others
-    for before, after in zip(outcome.fits[1:], outcome.best.fits[1:], strict=True):
-        for one, two in zip(before, after, strict=True):
-            assert two.E < 0.1 * one.E
+    alone = run_study(replace(outcome.study, held_out=()), tmp_path).result
+    whole = outcome.result
+    assert [p.value for p in alone.calibration[0].parameters] == [
+        p.value for p in whole.calibration[0].parameters
+    ]
+    assert len({c.recording for c in whole.models[1].channels}) == 3
+    assert len({c.recording for c in alone.models[1].channels}) == 1
+    assert alone.diagnosis.confirmed is None
+    assert whole.diagnosis.confirmed.kind == whole.diagnosis.verdict.kind == "parameters"
+    # the truth has the model's structure, so the values hold for other events
+    first = outcome.study.observation.event.name
+    for before in (c for c in whole.models[0].channels if c.recording != first):
+        assert whole.models[1].channel(before.recording, before.channel).E < 0.1 * before.E
 
 
-def test_what_is_reported_is_what_was_simulated(outcome):
-    result = build_result(outcome)
-    study = outcome.study
-    y = study.simulator.simulate(outcome.best.theta, study.observation.event).values[0]
+def test_one_fit_of_all_parameters_is_the_calibration_and_the_base_of_the_diagnosis(outcome):
+    result = outcome.result
+    fitted = {p.name: p.value for p in result.calibration[0].parameters}
+    assert {p.name: p.value for p in result.diagnosis.calibration.parameters} == fitted
+    assert result.diagnosis.calibration.chi2_per_sample == result.calibration[0].chi2_per_sample
+
+
+def test_another_prior_leads_on_from_that_fit(outcome, tmp_path):
+    wide = replace(
+        outcome.study, calibration=CalibrationSection(library=256, methods=["map"], prior_scale=3.0)
+    )
+    found = run_study(wide, tmp_path).result.calibration[0]
+    before = outcome.result.calibration[0]
+    assert found.chi2_per_sample < before.chi2_per_sample + 1e-6
+    assert found.n_simulations < 0.5 * before.n_simulations
+
+
+def test_the_result_tells_the_simulated_errors(outcome):
+    result, study = outcome.result, outcome.study
+    theta = result.calibration[0].theta(study.simulator.parameters)
+    y = study.simulator.simulate(theta, study.observation.event).values[0]
     error = (y - study.observation.values)[0, study.observation.time >= study.observation.event.start - 1e-9]
-    first = result.calibration.methods[0].fits[0]
-    assert (first.recording, first.role, first.channel) == ("fault near the terminal", "fit", "P")
-    assert np.isclose(first.after.rms, np.sqrt(np.mean(error**2)))
-    assert result.diagnosis.recordings[0].channels[0].after.rms == first.after.rms
-    assert [r.role for r in result.data] == ["fit", "held_out", "held_out"]
+    first = result.models[1].channels[0]
+    assert (first.recording, first.channel) == ("fault near the terminal", "P")
+    assert np.isclose(first.rms, np.sqrt(np.mean(error**2)))
+    assert [r.role for r in result.recordings] == ["fit", "held_out", "held_out"]
     assert result.study.f_nominal == 60
-    assert result.verdict.kind == "parameters"
+    assert result.diagnosis.final.kind == "parameters"
 
 
-def test_truth_and_overlap_are_reported_where_the_truth_is_known(outcome):
-    result = build_result(outcome)
-    true = result.screening.truth
+def test_truth_and_overlap_are_reported_where_the_truth_is_known(outcome, tmp_path):
+    result, true = outcome.result, outcome.result.contributions
     largest = sorted(true, key=true.get, reverse=True)[:3]
-    for method in result.screening.methods:
+    for method in result.screening:
         assert np.isclose(method.overlap, len(set(method.selected) & set(largest)) / 3)
-    for parameter in result.calibration.methods[0].parameters:
+    for parameter in result.calibration[0].parameters:
         assert parameter.truth == outcome.study.truth[parameter.name]
-    unknown = build_result(replace(outcome, study=replace(outcome.study, truth=None)))
-    assert unknown.screening.truth is None
-    assert unknown.screening.methods[0].overlap is None
+    unknown = run_study(replace(outcome.study, truth=None), tmp_path).result
+    assert unknown.contributions is None
+    assert np.isnan(unknown.screening[0].overlap)
 
 
-def test_a_doubtful_unit_is_told_beside_a_favourable_verdict(outcome):
-    doubt = "P before the event is 721 pu: check its unit and base_mva."
-    doubtful = replace(outcome.study, observation=replace(outcome.study.observation, assumptions=(doubt,)))
-    doubted = replace(outcome, study=doubtful)
-    hint = f"fault near the terminal: {doubt}"
-    assert build_result(doubted).verdict.kind == "parameters"
-    assert build_result(doubted).verdict.hints == doubted.advice == [hint]
-    assert build_result(outcome).verdict.hints == []
+def test_a_doubtful_unit_is_told_beside_a_favourable_verdict(outcome, tmp_path):
+    doubt = Doubt("P before the event is 721 pu: check its unit and base_mva.")
+    doubtful = replace(outcome.study.observation, assumptions=(doubt,))
+    result = run_study(replace(outcome.study, observation=doubtful), tmp_path).result
+    assert result.diagnosis.final.kind == "parameters"
+    assert result.hints == result.advice == (f"fault near the terminal: {doubt}",)
+    assert outcome.result.hints == ()
 
 
 def test_selection_rules():
@@ -331,8 +361,8 @@ def test_a_verdict_does_not_need_map_among_the_calibrators(tmp_path):
         **{**vars(QUICK), "calibration": CalibrationSection(methods=["pso"], particles=5, iterations=3)}
     )
     outcome = run_study(quick_study(sections=sections), tmp_path)
-    assert [c.label for c in outcome.calibrated] == ["pso on sensitivity", "pso on random"]
-    assert outcome.verdict.kind == "parameters"
+    assert [c.label for c in outcome.result.calibration] == ["pso on sensitivity", "pso on random"]
+    assert outcome.result.diagnosis.final.kind == "parameters"
 
 
 def test_the_demo_hides_other_parameters_for_each_seed():
