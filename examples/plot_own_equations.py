@@ -49,7 +49,7 @@ options = {"outputs": ["angle"], "interpolation": "hold", "step": 0.005}
 model = ODESimulator(drive, states, parameters, records[:2], inputs=inputs, **options)
 finder = CauseFinder(model, random_state=0).fit(records[:2])
 print(finder.verdict_.text)
-for name, (value, low, high) in finder.causes_[0].parameters.items():
+for name, (value, low, high) in finder.causes_[0].values.items():
     print(f"{name} = {value:.3f} [{low:.3f}, {high:.3f}]")
 print(f"gain on the third run: {finder.measure_gain(records[2]).gain:.4f}")
 unseen = model.observe(records[2])

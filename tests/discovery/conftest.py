@@ -1,5 +1,8 @@
 """Models with something hidden in their recordings."""
 
+import logging
+from contextlib import contextmanager
+
 import numpy as np
 import pytest
 
@@ -19,6 +22,32 @@ PLANT_NOISE = np.array([2e-3, 2e-3])
 
 def store_rhs(t, x, u, p, dx):
     dx[0] = p[0] * u[0] - p[1] * x[0]
+
+
+class Lines(logging.Handler):
+    """Handler that hands each line of the log to a function, whose errors pass."""
+
+    def __init__(self, take):
+        super().__init__(logging.INFO)
+        self.emit = lambda record: take(record.getMessage())
+
+
+@contextmanager
+def logged(take=None):
+    """Lines of the package's log while a block runs, also given to a function."""
+    lines = []
+    logger, handler = (
+        logging.getLogger("errorscreen"),
+        Lines(lambda line: (lines.append(line), take and take(line))),
+    )
+    level = logger.level
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
+    try:
+        yield lines
+    finally:
+        logger.removeHandler(handler)
+        logger.setLevel(level)
 
 
 def recorded(truth, event, output):

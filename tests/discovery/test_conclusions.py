@@ -49,8 +49,10 @@ def test_what_cannot_be_told_apart_is_named_together(twins):
     other = group.names[1]
     assert f"cannot tell it from: {other}" in finder.verdict_.text
     # an event and channel for each, and nothing that separates what is the same
-    assert {(e, c) for e, c, _ in group.separating} == {(e.name, c) for e in events for c in ("P", "Q")}
-    assert max(d for _, _, d in group.separating) < 3.0
+    assert {(s.event, s.channel) for s in group.separating} == {
+        (e.name, c) for e in events for c in ("P", "Q")
+    }
+    assert max(s.distance for s in group.separating) < 3.0
 
 
 def test_the_event_in_which_explanations_differ_most_comes_first(twins):
@@ -61,13 +63,16 @@ def test_the_event_in_which_explanations_differ_most_comes_first(twins):
         for names in (("stabiliser", "governor"), ("stabiliser", "governor", "twin"))
     )
     for group in (two, three):
-        distances = [d for _, _, d in group.separating]
+        distances = [s.distance for s in group.separating]
         assert distances == sorted(distances, reverse=True)
         assert distances[0] > 3.0
     # of three pairs one is twins, and the others are alike
-    squares = [np.array([d for _, _, d in sorted(g.separating)]) ** 2 for g in (two, three)]
+    squares = [
+        np.array([s.distance for s in sorted(g.separating, key=lambda s: (s.event, s.channel))]) ** 2
+        for g in (two, three)
+    ]
     assert np.allclose(squares[1], 2 / 3 * squares[0], rtol=0.2)
-    assert {device for device, _, _ in two.states} == {"synchronous_machine"}
+    assert {s.device for s in two.states} == {"synchronous_machine"}
 
 
 def test_a_placebo_has_as_many_parameters_where_one_was_fitted(twins):
@@ -89,21 +94,21 @@ def test_sentences_say_what_was_tried(twins):
     assert "any of the effects that were tried (governor, lag_P)" in text
     assert finder.best_.name in text
     assert "any effect of the library" in conclusions.unknown_text(("governor",), True, base, base)
-    assert "no ports" in conclusions.place_text([], finder.simulator)
+    assert "no ports" in conclusions.location_text([], finder.simulator)
 
 
 def test_a_place_says_how_much_it_explains():
     place = InputLocation(
         "synchronous_machine", "Efd", 0.9, 1.1, np.zeros(2), np.zeros(2), (), explained=0.9996
     )
-    text = conclusions.place_text([place], None)
-    assert "99.9 % of what parameters leave" in text
+    text = conclusions.location_text([place], None)
+    assert "99.9 % of the error that parameters leave" in text
     assert "little" not in text
-    assert "That is little: time stamps" in conclusions.place_text([replace(place, explained=0.2)], None)
-    assert "do not tell" not in text
+    assert "That is little: time stamps" in conclusions.location_text([replace(place, explained=0.2)], None)
+    assert "cannot tell" not in text
     others = [replace(place, place="Pm", probability=0.09), replace(place, device="wind", probability=0.01)]
-    text = conclusions.place_text([place, *others], None)
-    assert "These recordings do not tell it from a signal at Pm of the synchronous_machine." in text
+    text = conclusions.location_text([place, *others], None)
+    assert "These recordings cannot tell it from an input at Pm of the synchronous_machine." in text
 
 
 def test_a_withdrawn_cause_says_why(twins):
@@ -111,13 +116,10 @@ def test_a_withdrawn_cause_says_why(twins):
     event = EventGain("other", 5.0, 3.0, 2.9)
     gain = Gain(5.0, 3.0, 2.9, 0.07, (-0.1, 0.2), 0.9, 0.01, (event,))
     text = conclusions.withdrawn_text(finder.causes_[0], gain)
-    assert (
-        "gains nothing on recordings that were not: 0.07 [-0.10, 0.20] of the squared error, a placebo 0.01"
-        in text
-    )
+    assert "gains nothing on held-out ones: 0.07 [-0.10, 0.20] of the squared error, a placebo 0.01" in text
     failed = replace(gain, gain=-np.inf, events=(replace(event, extended=np.inf),))
     text = conclusions.withdrawn_text(finder.causes_[0], failed)
-    assert "with it the model cannot be simulated on recordings that were not: other." in text
+    assert "the model with it cannot be simulated on held-out ones: other." in text
     assert "inf" not in text
 
 
@@ -125,7 +127,7 @@ def test_nothing_is_said_to_be_missing_before_parameters_have_come_to_rest(twins
     finder, _ = twins
     base = next(h for h in finder.hypotheses_ if not h.effects)
     text = conclusions.unknown_text(("governor",), True, replace(base, state="stalled"), finder.best_)
-    assert "has not come to an end" in text
+    assert "did not end at a minimum" in text
     assert "any effect" not in text
     cornered = conclusions.unknown_text(("governor",), True, replace(base, state="corner"), finder.best_)
-    assert "no start around it led lower by a thousandth" in cornered
+    assert "No start around it lowered the rest by a thousandth" in cornered

@@ -1,6 +1,5 @@
 """Hidden causes, drawn by seed, have to be found; where nothing is hidden, nothing may be found."""
 
-import copy
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +18,7 @@ from errorscreen.events import Event
 from errorscreen.exceptions import DataWarning, InputError
 from errorscreen.parameters import Parameter
 from errorscreen.simulators import CallableSimulator
+from tests.discovery.conftest import logged
 from tests.plants import plant
 
 #: hidden causes drawn by seed, one of each kind; `errorscreen bench discovery` has more
@@ -77,11 +77,10 @@ def test_what_no_library_holds_is_unknown_and_placed():
 def found():
     """An effect hidden in a machine, found on two events."""
     hidden = draw_plant_scenario(2, 40.0, kind="effect", device="synchronous_machine")
-    lines = []
-    finder = CauseFinder(
-        hidden.simulator, [*hidden.effects, "lag_P", "offset_Q"], random_state=0, report=lines.append
-    )
-    return hidden, finder.fit(list(hidden.recordings)), lines
+    finder = CauseFinder(hidden.simulator, [*hidden.effects, "lag_P", "offset_Q"], random_state=0)
+    with logged() as lines:
+        finder.fit(list(hidden.recordings))
+    return hidden, finder, lines
 
 
 def test_the_finder_is_a_simulator_of_what_it_found(found):
@@ -108,7 +107,7 @@ def test_values_are_those_of_a_fit_that_begins_at_the_hidden_ones(found):
     true = (np.concatenate([hidden.theta, hidden.values]) - problem.space.nominal) / problem.space.scales
     begun = fit_hypothesis(best.effects, problem, true)
     assert best.objective < begun.objective + WORTH
-    parameters = finder.causes_[0].parameters
+    parameters = finder.causes_[0].values
     assert len(parameters) == len(hidden.values)
     there = begun.theta[-len(hidden.values) :]
     for (value, low, high), near, hid in zip(parameters.values(), there, hidden.values, strict=True):
@@ -121,7 +120,7 @@ def test_gain_is_measured_against_the_recalibrated_model(found):
     gain = finder.measure_gain(list(hidden.held_out))
     assert gain.holds
     assert gain.extended < 0.3 * gain.recalibrated
-    assert finder.verdict_.kind == "effect"
+    assert (gain, finder.verdict_.kind) == (finder.confirm(list(hidden.held_out)).gain, "effect")
 
 
 def test_an_extension_without_gain_is_withdrawn(found):
@@ -129,21 +128,25 @@ def test_an_extension_without_gain_is_withdrawn(found):
     hidden, finder, _ = found
     old = finder.recalibrated_simulator_
     against = [replace(o, values=old.baseline(o.event)) for o in hidden.held_out]
-    first, finder = finder.causes_[0], copy.copy(finder)
-    before = finder.n_simulations_
-    gain = finder.measure_gain(against)
-    assert not gain.holds
-    assert gain.extension_parameters == len(first.parameters)
-    assert gain.placebo_parameters > 0
-    assert finder.verdict_.kind == "unknown"
-    assert "withdrawn" in finder.verdict_.text
-    assert finder.extended_simulator_ is old
-    assert [c.name for c in finder.causes_[:2]] == ["unknown", first.name]
-    assert finder.causes_[1].withdrawn
-    assert sum(c.probability for c in finder.causes_) == pytest.approx(1)
-    assert finder.input_locations_[0].place == hidden.place
-    assert finder.input_locations_[0].place in finder.verdict_.text
-    assert finder.n_simulations_ > before
+    first = finder.causes_[0]
+    confirmed = finder.confirm(against)
+    assert not confirmed.gain.holds
+    assert confirmed.gain.extension_parameters == len(first.parameters)
+    assert confirmed.gain.placebo_parameters > 0
+    assert confirmed.final.kind == "unknown"
+    assert "withdrawn" in confirmed.final.text
+    assert confirmed.extended is old
+    assert [c.name for c in confirmed.causes[:2]] == ["unknown", first.name]
+    assert confirmed.causes[1].withdrawn
+    assert sum(c.probability for c in confirmed.causes) == pytest.approx(1)
+    assert confirmed.input_locations[0].place == hidden.place
+    assert confirmed.input_locations[0].place in confirmed.final.text
+    assert confirmed.n_simulations > finder.n_simulations_
+    # the first verdict stays beside it, and the finder is as it was
+    assert confirmed.verdict == finder.verdict_ == finder.diagnosis_.verdict
+    assert finder.verdict_.kind == "effect"
+    assert not finder.causes_[0].withdrawn
+    assert finder.input_locations_ == []
 
 
 def test_bad_arguments_are_refused():
@@ -159,7 +162,7 @@ def test_bad_arguments_are_refused():
         CauseFinder(hidden.simulator, ["volt_var", "volt_var"]).fit(recordings)
     with pytest.raises(InputError, match="list of effects is empty"):
         CauseFinder(hidden.simulator, []).fit(recordings)
-    for wrong in ({"n_starts": "4"}, {"library_size": -5}, {"library_size": "x"}, {"report": 1}):
+    for wrong in ({"n_starts": "4"}, {"library_size": -5}, {"library_size": "x"}):
         with pytest.raises(InputError, match=next(iter(wrong))):
             CauseFinder(hidden.simulator, **wrong).fit(recordings)
     with pytest.raises(InputError, match="events holds a str"):
@@ -186,16 +189,17 @@ def test_a_perfect_model_is_within_noise():
     assert finder.verdict_.kind == "within-noise"
     assert list(finder.signatures_) == []
     assert finder.tried_ == ()
-    finder.confirm(list(hidden.held_out))
-    assert finder.verdict_.kind == "within-noise"
-    assert "2 recordings that were held out" in finder.verdict_.text
+    confirmed = finder.confirm(list(hidden.held_out)).confirmed
+    assert confirmed.kind == "within-noise"
+    assert "2 recordings that were held out" in confirmed.text
     # what is wrong may show in other events only
     moved = [replace(o, values=o.values + 2 * o.noise[:, None]) for o in hidden.held_out]
-    finder.groups_ = [Group(("parameters", "twin"), ())]
-    finder.confirm(moved)
-    assert finder.groups_ == []  # none of these explanations holds
-    assert finder.verdict_.kind == "unknown"
-    assert hidden.held_out[0].event.name in finder.verdict_.text
+    finder.diagnosis_ = replace(finder.diagnosis_, groups=(Group(("parameters", "twin")),))
+    refuted = finder.confirm(moved)
+    assert refuted.refuted
+    assert refuted.groups == ()  # none of these explanations holds
+    assert refuted.final.kind == "unknown"
+    assert hidden.held_out[0].event.name in refuted.final.text
 
 
 def test_without_effects_only_parameters_are_judged():
@@ -204,11 +208,12 @@ def test_without_effects_only_parameters_are_judged():
     assert [h.name for h in finder.hypotheses_] == ["parameters"]
     assert finder.verdict_.kind == "parameters"
     assert "cannot tell" not in finder.verdict_.text
-    finder.groups_ = [Group(("parameters", "twin"), ())]
-    assert finder.confirm(list(hidden.held_out)) is None
-    assert finder.verdict_.kind == "parameters"
-    assert "cannot tell it from: twin" in finder.verdict_.text
-    assert "2 recordings that were not fitted" in finder.verdict_.text
+    finder.groups_ = [Group(("parameters", "twin"))]
+    confirmed = finder.confirm(list(hidden.held_out))
+    assert confirmed.gain is None
+    assert confirmed.final.kind == "parameters"
+    assert "cannot tell it from: twin" in confirmed.final.text
+    assert "2 recordings that were not fitted" in confirmed.final.text
 
 
 def test_parameters_on_a_crease_are_led_to_rest_before_anything_is_said_to_be_missing(crease):

@@ -172,7 +172,7 @@ def test_a_plant_whose_regulator_rises_slowly_is_named_a_ramp():
     assert finder.verdict_.kind == "effect"
     cause = finder.causes_[0]
     assert (cause.name, cause.exact) == ("ramp", True)
-    assert cause.parameters["ramp.Tr"][0] == pytest.approx(2.5, rel=0.05)
+    assert cause.values["ramp.Tr"][0] == pytest.approx(2.5, rel=0.05)
 
 
 def test_a_plant_with_a_slow_loop_is_named_so():
@@ -186,7 +186,7 @@ def test_a_plant_with_a_slow_loop_is_named_so():
     assert finder.verdict_.kind == "effect"
     cause = finder.causes_[0]
     assert (cause.name, cause.place, cause.exact) == ("pll", "d_theta", True)
-    value, low, high = cause.parameters["pll.s"]
+    value, low, high = cause.values["pll.s"]
     assert low < 5.0 < high
     assert value == pytest.approx(5.0, rel=0.25)
 
@@ -240,7 +240,7 @@ def test_a_volt_var_controller_that_starts_on_its_slope_is_named():
     finder = CauseFinder(model, random_state=0).fit(Observation(event, y, noise, model.channels, model.units))
     cause = finder.causes_[0]
     assert cause.name == "volt_var"
-    found = {name.removeprefix("volt_var."): value for name, (value, _, _) in cause.parameters.items()}
+    found = {name.removeprefix("volt_var."): value for name, (value, _, _) in cause.values.items()}
     assert found["K"] == pytest.approx(DROOP, rel=0.1)
     assert found["db"] == pytest.approx(BAND, abs=0.004)
     assert found["Vc"] == pytest.approx(CENTRE - 0.96, abs=0.004)

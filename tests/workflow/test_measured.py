@@ -30,7 +30,7 @@ def test_the_droop_of_an_inverter_in_volt_var_mode_is_named_and_both_steps_tell_
     assert finder.causes_[0].name == "volt_var"
     assert not finder.causes_[0].exact
     assert finder.best_.at_rest
-    parameters = finder.causes_[0].parameters
+    parameters = finder.causes_[0].values
     found = {name.removeprefix("volt_var."): value for name, (value, _, _) in parameters.items()}
     # what can be read off the records: at 331 V the reactive power is 1787 var of 3 kVA, whatever the droop
     assert found["Qm"] == pytest.approx(0.596, abs=0.003)
@@ -49,7 +49,7 @@ def test_the_droop_is_named_by_one_step_too_which_leaves_the_dead_band_open():
     finder = CauseFinder(study.simulator, random_state=study.run.random_state).fit(study.observation)
     assert finder.causes_[0].name == "volt_var"
     assert not finder.causes_[0].exact
-    parameters = finder.causes_[0].parameters
+    parameters = finder.causes_[0].values
     assert 0.2 < parameters["volt_var.R"][0] < 0.33
     # what both steps tell is in the intervals
     for name, value in (("db", 0.0155), ("Vc", 0.016)):
@@ -62,7 +62,7 @@ def test_the_trip_of_an_inverter_and_its_return_are_named():
     names = ["trip", "cessation", "priority", "volt_var", "lag_active"]
     finder = CauseFinder(study.simulator, names, max_effects=1, random_state=0).fit(study.observation)
     assert finder.causes_[0].name == "trip"
-    parameters = finder.causes_[0].parameters
+    parameters = finder.causes_[0].values
     found = {name: value for name, (value, _, _) in parameters.items()}
     # 20 s under a threshold between the voltages that were tried, 120 s away, and back
     assert found["trip.Tth"] == pytest.approx(20, abs=0.5)

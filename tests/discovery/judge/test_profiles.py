@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from errorscreen.calibration.problem import FitProblem
+from errorscreen.calibration.result import Estimate
 from errorscreen.data.observations import Observation
 from errorscreen.discovery.fits.hypotheses import fit_hypothesis
 from errorscreen.discovery.judge.profiles import profile, with_profiles
@@ -36,15 +37,16 @@ def fitted(threshold):
     """A plant whose threshold lies between the two dips, and its cause."""
     voltage = np.where((TIME > 1) & (TIME < 1.3), SHALLOW, np.where((TIME > 2.5) & (TIME < 2.8), DEEP, 1.0))
     hypothesis, effect = fitted_with("cessation", [1.0, threshold, 0.05, 0.2, 0.2, 0.4], voltage)
-    values = {effect.local(name): found for name, found in hypothesis.parameters_of(effect, 1.645).items()}
-    return hypothesis, Cause("cessation", "", "effect", 0.9, "release", values, 1.0, True)
+    space, values = hypothesis.simulator.parameters, hypothesis.parameters_of(effect, 1.645)
+    estimates = tuple(Estimate.of(space[effect.local(name)], *found) for name, found in values.items())
+    return hypothesis, Cause("cessation", "", "effect", 0.9, "release", estimates, 1.0, True)
 
 
 @pytest.mark.parametrize("threshold", [0.65, 0.7, 0.77])
 def test_a_threshold_lies_between_the_dip_that_did_nothing_and_the_one_that_tripped(threshold):
     hypothesis, cause = fitted(threshold)
     (found,), _, count = with_profiles([cause], [hypothesis], hypothesis.observations)
-    value, low, high = found.parameters["cessation.Vth"]
+    value, low, high = found.values["cessation.Vth"]
     assert low < value < high  # where in between, nothing tells
     # the clock of the timer begins to run 0.005 pu above the threshold
     assert low == pytest.approx(DEEP, abs=0.005)
@@ -55,7 +57,7 @@ def test_a_threshold_lies_between_the_dip_that_did_nothing_and_the_one_that_trip
 def test_what_the_recording_tells_of_has_the_same_interval_in_both_ways():
     hypothesis, cause = fitted(0.7)
     for name in ("cessation.Tc", "cessation.Tramp"):
-        value, low, high = cause.parameters[name]
+        value, low, high = cause.values[name]
         profiled_low, profiled_high, _ = profile(hypothesis, name, 1.645)
         assert profiled_low < value < profiled_high
         assert profiled_high - profiled_low == pytest.approx(high - low, rel=0.3)

@@ -124,7 +124,7 @@ def test_an_effect_of_another_form_is_named_by_its_kind():
     assert causes[1].name in ("governor", "unknown")
     assert sum(c.probability for c in causes) == pytest.approx(1)
     # what it leaves widens its intervals
-    value, low, high = causes[0].parameters["exciter.K"]
+    value, low, high = causes[0].values["exciter.K"]
     assert high - value == pytest.approx(1.645 * 2.0**0.5, rel=1e-3)
     assert low == 0.0
 

@@ -13,11 +13,11 @@ def test_states_that_differ_most_are_told_in_shares_of_their_range():
     a = {("m", "flux"): 5.0 * T, ("m", "speed"): T, ("m", "angle"): T, ("m", "other"): T}
     b = {("m", "flux"): 4.0 * T, ("m", "speed"): 0.0 * T, ("m", "angle"): T}
     found = differing([a, b])
-    assert [name for _, name, _ in found] == [
+    assert [one.state for one in found] == [
         "speed",
         "flux",
     ]  # what is the same, or in one alone, tells nothing
-    assert np.allclose([share for *_, share in found], [0.58, 0.12])
+    assert np.allclose([one.share for one in found], [0.58, 0.12])
     scaled = [{key: 7.0 * row for key, row in states.items()} for states in (a, b)]
     assert differing(scaled) == differing([b, a]) == found
     assert differing([{}, a]) == differing([a, a]) == ()

@@ -105,13 +105,13 @@ def test_a_wrong_duration_in_the_record_is_not_expected_of_other_faults():
     ).fit(fitted)
     first = finder.causes_[0]
     assert (first.name, first.event) == ("fault_duration", True)
-    value, low, high = first.parameters["fault_duration.d"]
+    value, low, high = first.values["fault_duration.d"]
     assert low <= value <= high
     assert value == pytest.approx(0.03, abs=2e-3)
-    gain = finder.confirm(held_out)
-    assert finder.verdict_.kind == "effect"
-    assert "belongs to what happened during this recording" in finder.verdict_.text
-    assert gain.extended < gain.recalibrated
+    confirmed = finder.confirm(held_out)
+    assert confirmed.final.kind == "effect"
+    assert "belongs to this recording, not to the model" in confirmed.final.text
+    assert confirmed.gain.extended < confirmed.gain.recalibrated
     event = held_out[0].event
     without = grid.with_nominal(finder.best_.theta[: len(theta)]).baseline(event)
     assert np.array_equal(finder.predict(event), without)
@@ -125,7 +125,7 @@ def test_an_oscillation_of_one_of_two_recordings_is_found_there():
     recordings = [observed(true, [*theta, 0.05, 1.3, 0.4], e, i) for i, e in enumerate(events)]
     finder = CauseFinder(machine, ["oscillation", "governor"], random_state=0).fit(recordings)
     assert finder.best_.name == "oscillation@swinging"
-    found = finder.causes_[0].parameters
+    found = finder.causes_[0].values
     assert found["oscillation@swinging.A"][0] == pytest.approx(0.05, rel=0.1)
     assert found["oscillation@swinging.f"][0] == pytest.approx(1.3, rel=0.02)
     assert set(finder.tried_) == {"governor", "oscillation@calm", "oscillation@swinging"}

@@ -9,6 +9,7 @@ from errorscreen.discovery.fits.hypotheses import candidates, fit_hypothesis
 from errorscreen.discovery.search import model_search as competition
 from errorscreen.discovery.search.joint_fits import anew
 from errorscreen.discovery.starts.signatures import SignatureSearch
+from tests.discovery.conftest import logged
 from tests.discovery.search.test_event_specific import named, observed
 from tests.plants import dip, plant
 
@@ -38,9 +39,9 @@ def test_what_no_signature_promises_is_found(spring, monkeypatch):
 
     monkeypatch.setattr(competition, "promised", others)
     model, recording = spring
-    lines = []
     effects = ["offset_position", "lag_position", "force.lag", HIDDEN]
-    found = CauseFinder(model, effects, n_fits=1, random_state=0, report=lines.append).fit(recording)
+    with logged() as lines:
+        found = CauseFinder(model, effects, n_fits=1, random_state=0).fit(recording)
     assert first
     assert any("from the nominal parameters" in line for line in lines)
     assert found.verdict_.kind == "effect"

@@ -12,23 +12,22 @@ from errorscreen.discovery import CauseFinder
 from errorscreen.discovery.fits.hypotheses import PRIOR, candidates, fit_hypothesis
 from errorscreen.discovery.search.journal import Journal, packed, unpacked
 from errorscreen.exceptions import InputError
+from tests.discovery.conftest import logged
 
 #: none of them is what is hidden, so that each part of a search has its turn
 EFFECTS = ["offset_position", "lag_position", "force.lag", "velocity.forcing"]
 
 
-def finder(model, checkpoint=None, report=None, **options):
-    return CauseFinder(
-        model, EFFECTS, n_fits=2, random_state=0, checkpoint=checkpoint, report=report, **options
-    )
+def finder(model, checkpoint=None, **options):
+    return CauseFinder(model, EFFECTS, n_fits=2, random_state=0, checkpoint=checkpoint, **options)
 
 
 def stops_at(text):
-    def report(line):
+    def take(line):
         if text in line:
             raise KeyboardInterrupt
 
-    return report
+    return logged(take)
 
 
 def interrupted(*_):
@@ -38,9 +37,9 @@ def interrupted(*_):
 def test_an_interrupted_search_finds_the_same(spring, tmp_path, monkeypatch):
     model, recording = spring
     whole = finder(model).fit(recording)
-    for text in ("joint fits", "other starts", "places of an unknown signal"):
-        with pytest.raises(KeyboardInterrupt):
-            finder(model, tmp_path, stops_at(text)).fit(recording)
+    for text in ("joint fits", "other starts", "locations of an unknown input"):
+        with pytest.raises(KeyboardInterrupt), stops_at(text):
+            finder(model, tmp_path).fit(recording)
     with monkeypatch.context() as patch:
         # when places have been fitted
         patch.setattr("errorscreen.discovery.unknown_input.locations.detailed", interrupted)

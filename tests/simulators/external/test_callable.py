@@ -94,7 +94,7 @@ def test_a_late_clock_is_named():
     finder = CauseFinder(box(recordings), random_state=0).fit(recordings)
     assert finder.verdict_.kind == "measurement"
     assert finder.causes_[0].name == "skew_y"
-    assert finder.causes_[0].parameters["skew_y.d"][0] == pytest.approx(0.3, abs=0.02)
+    assert finder.causes_[0].values["skew_y.d"][0] == pytest.approx(0.3, abs=0.02)
 
 
 def test_what_cannot_be_added_is_said():
