@@ -23,17 +23,18 @@ def test_a_search_that_was_left_out_is_made_up_for(tmp_path):
     )
     assert main(["run", case, "--out", str(out), "--quiet", "--no-discovery"]) == 0
     first = read_result(out / "result.json")
-    assert first.discovery is None
+    assert first.diagnosis.tried == ()
     assert main(["run", case, "--out", str(out), "--quiet"]) == 0
     second = read_result(out / "result.json")
-    assert second.discovery is not None
-    assert len(second.run.reused) == 5
-    assert (second.screening, second.calibration) == (first.screening, first.calibration)
+    assert second.diagnosis.tried
+    assert set(second.run.reused) == {
+        *first.run.reused,
+        "screening-sensitivity",
+        "calibration-pso-sensitivity",
+    }
     # diagnose asks for less, and that is there
     assert main(["diagnose", case, "--out", str(out), "--quiet"]) == 0
-    assert set(read_result(out / "result.json").run.reused) == {
-        "screening-sensitivity", "calibration-map", "discovery",
-    }  # fmt: skip
+    assert read_result(out / "result.json").run.reused == ("diagnosis",)
 
 
 def test_the_folder_of_a_case_keeps_the_reports_of_both_commands(tmp_path):
@@ -42,7 +43,7 @@ def test_the_folder_of_a_case_keeps_the_reports_of_both_commands(tmp_path):
     report = (tmp_path / "kept" / "report.html").read_bytes()
     assert main(["diagnose", case, "--quiet"]) == 0
     assert (tmp_path / "kept" / "report.html").read_bytes() == report
-    assert read_result(tmp_path / "kept" / "diagnose" / "result.json").discovery is not None
+    assert read_result(tmp_path / "kept" / "diagnose" / "result.json").diagnosis.tried
 
 
 def test_the_model_is_rebuilt_from_the_result_as_documented(tmp_path):
@@ -56,22 +57,22 @@ def test_the_model_is_rebuilt_from_the_result_as_documented(tmp_path):
     assert '"case.toml"' in block
     space = {}
     exec(block.replace("case-results", str(out)).replace("case.toml", case), space)
-    model, fits = space["model"], space["found"].fits
+    model, fits = space["model"], space["found"].model("parameters only").channels
     again = channel_fits(model.observe(load_case(case).load_recording()), model.baseline())
-    assert [f.rms for f in again] == pytest.approx([f.parameters.rms for f in fits], rel=1e-12)
+    assert [f.rms for f in again] == pytest.approx([f.rms for f in fits], rel=1e-12)
     assert model.step == space["found"].step
 
 
 def test_a_damaged_part_of_a_search_can_be_forgotten(tmp_path, capsys):
     case, out = folder(tmp_path, CASE.replace('"cnn", ', "")), tmp_path / "out"
-    key = Study.from_case(load_case(case)).fingerprint("discovery", ())[:16]
+    key = Study.from_case(load_case(case)).fingerprint("diagnosis", ())[:16]
     damaged = out / "stages" / key / "search" / "checkpoint.json"
     damaged.parent.mkdir(parents=True)
     damaged.write_text("{")
     arguments = ["diagnose", case, "--out", str(out), "--quiet"]
     last = refused(arguments, f"file {re.escape(str(damaged))}: is damaged", capsys)
     assert last.endswith("Delete it, or forget all stages of earlier runs with --fresh.")
-    # what is no stage has a remedy of its own
+    # a case file has a remedy of its own
     assert "--fresh" not in refused(["diagnose", str(tmp_path / "no.toml")], "does not exist", capsys)
     assert main([*arguments, "--fresh"]) == 0
 
@@ -85,12 +86,12 @@ def test_the_network_is_the_same_beside_a_search_as_without_one(threads, tmp_pat
             assert main(["run", case, "--out", str(tmp_path / name), "--quiet", *arguments]) == 0
             results.append(read_result(tmp_path / name / "result.json"))
     beside, alone = results
-    assert beside.discovery is not None
-    assert beside.run.threads == alone.run.threads == 1
-    rankings = [[(m.method, m.contributions) for m in r.screening.methods] for r in results]
+    assert beside.diagnosis.tried
+    assert beside.screening[0].threads == alone.screening[0].threads == 1
+    rankings = [[(m.method, m.contributions) for m in r.screening] for r in results]
     assert rankings[0] == rankings[1]
-    assert [m.label for m in beside.calibration.methods] == [m.label for m in alone.calibration.methods]
-    # what was trained beside the search is a stage like others
+    assert [m.label for m in beside.calibration] == [m.label for m in alone.calibration]
+    # a network that was trained beside the search is a stage like others
     assert main(["run", case, "--out", str(tmp_path / "beside"), "--quiet", "--no-discovery"]) == 0
     assert "screening-cnn" in read_result(tmp_path / "beside" / "result.json").run.reused
 
@@ -105,11 +106,10 @@ def test_a_doubtful_sign_is_what_to_check_first(arguments, tmp_path, capsys):
     first = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("Next: "))
     assert first == f"Next: {hint}"
     result = read_result(out / "result.json")
-    assert result.verdict.kind == "unknown"
-    assert result.verdict.hints == [hint]
+    assert result.diagnosis.final.kind == "unknown"
+    assert result.hints == (hint,)
+    assert result.advice[0] == hint
     assert f"<li>{hint}</li>" in (out / "report.html").read_text()
-    if result.discovery is not None:
-        assert result.discovery.advice[0] == hint
 
 
 def test_the_least_first_look_works(tmp_path):
@@ -117,7 +117,7 @@ def test_the_least_first_look_works(tmp_path):
         "[discovery]", '[discovery]\nfirst_look = 20\neffects = ["exciter"]'
     )
     assert main(["run", folder(tmp_path, text), "--out", str(tmp_path / "out"), "--quiet"]) == 0
-    discovery = read_result(tmp_path / "out" / "result.json").discovery
-    rank = 1 + [one.name for one in discovery.first_look].index("exciter")
-    assert f"has rank {rank} of {len(discovery.first_look)}" in discovery.first_look_compared
-    assert discovery.first_look_compared in (tmp_path / "out" / "report.html").read_text()
+    result = read_result(tmp_path / "out" / "result.json")
+    rank = 1 + [one.name for one in result.first_look].index("exciter")
+    assert f"has rank {rank} of {len(result.first_look)}" in result.first_look_compared
+    assert result.first_look_compared in (tmp_path / "out" / "report.html").read_text()
