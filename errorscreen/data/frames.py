@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from errorscreen.data.channels import ROLE_UNITS
 from errorscreen.data.preparation import in_window
-from errorscreen.data.recordings import ROLE_UNITS, Recording
+from errorscreen.data.recordings import Recording
 from errorscreen.data.table import Table
 from errorscreen.data.timestamps import order_samples, read_time
 from errorscreen.data.units import Bases, Column, as_column, convert, unwrap

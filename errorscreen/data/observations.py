@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from errorscreen._runtime.display import Displayed, aligned, listed, span
-from errorscreen.data.panels import Curves, channel_table, plot_curves, with_unit
+from errorscreen._runtime.display import Displayed, listed, span
+from errorscreen.data.channels import summary_of
+from errorscreen.data.panels import Curves, plot_curves, with_unit
 from errorscreen.events import Event
 from errorscreen.exceptions import InputError
 
@@ -168,12 +169,8 @@ class Observation(Displayed):
 
     def summary(self) -> str:
         """Say what was observed and what was assumed about it."""
-        facts = self._facts()
-        title = f"Observation of {facts.pop('event')}"
-        facts.pop("channels")
-        table = channel_table(zip(self.channels, self.units, self.values, self.noise, strict=True))
-        notes = [f"- {sentence}" for sentence in self.assumptions]
-        return "\n".join([title, aligned(facts.items()), "", table, "", *notes])
+        channels = zip(self.channels, self.units, self.values, self.noise, strict=True)
+        return summary_of(f"Observation of {self.event.name}", self._facts(), channels, self.assumptions)
 
     def to_frame(self) -> pd.DataFrame:
         """Table of the measured channels, indexed by time in seconds."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen.data import signals
-from errorscreen.exceptions import DataWarning, InputError, unknown_name
+from errorscreen.exceptions import DataWarning, InputError
 
 #: In pu: what moves less is no event.
 LEAST_MOVE = 0.002
@@ -20,18 +20,6 @@ CLEAR_MOVE = 0.2
 MIN_AFTER = 5
 #: In pu: what is plausible before an event.
 PLAUSIBLE_V = (0.5, 1.5)
-
-
-def check_extras(
-    values: Mapping[str, object], noise: Mapping[str, float], given: Mapping[str, float], where: str
-) -> None:
-    """Raise `InputError` where the noise of no channel is known, or a measured channel is also given."""
-    for name in noise:
-        if name not in values:
-            raise unknown_name(name, values, kind="channel", where=f"{where}, noise")
-    for name in given:
-        if name in values:
-            raise InputError(f"{name!r} is measured and given", where=where, allowed="one of them")
 
 
 def in_window(

@@ -1,4 +1,4 @@
-"""Units, bases and signs of recorded columns, and their way into the units of `errorscreen.data.recordings.Channel`."""
+"""Units, bases and signs of recorded columns, and their way into the units of `errorscreen.data.channels.Channel`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from errorscreen.data.recordings import ROLE_UNITS
+from errorscreen.data.channels import ROLE_UNITS
 from errorscreen.exceptions import InputError, check_real, unknown_name
 
 #: Volts, and megavolt-amperes, in one unit of each name.

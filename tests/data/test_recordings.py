@@ -294,7 +294,7 @@ def test_recordings_and_observations_are_shown_in_short():
     )
     assert "base   100 MVA, 20 kV, 60 Hz\ngiven  Q\n" in rec.summary()
     assert f"- {rec.assumptions[0]}" in rec.summary()
-    assert seen.summary().startswith("Observation of trip (Event)\ntime")
+    assert seen.summary().startswith("Observation of trip\nevent     trip (Event)\ntime")
     assert seen.summary().endswith("\n\n- It was assumed.")
 
 
