@@ -1,4 +1,4 @@
-"""From irregular readings with gaps to a time grid: interpolation, low-pass filter, gaps that stay gaps."""
+"""Interpolation of irregular readings onto a time grid, with a low-pass filter and without bridging long gaps."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from scipy.ndimage import gaussian_filter1d
 
 from errorscreen.exceptions import InputError
 
-#: A gap is interpolated if it is at most this many times the usual distance between readings.
+#: Longest gap that is interpolated, in multiples of the usual distance between readings.
 SHORT_GAP = 5.0
-#: A grid that is coarser than this many readings is low-pass filtered first.
+#: A grid coarser than this many readings needs a low-pass filter.
 COARSE = 2.0
-#: Instants of a grid and steps of a simulation beyond which a unit or a step is wrong rather than a recording long.
+#: Largest number of instants of a grid and of steps of a simulation; more suggest a wrong unit or step.
 MAX_STEPS = 1_000_000
 
 
 def check_steps(span: float, step: float, where: str) -> None:
-    """Raise `InputError` if `span` seconds hold more than `MAX_STEPS` steps of `step` seconds.
+    """Raise `InputError` if `span` seconds take more than `MAX_STEPS` steps of `step` seconds.
 
     Examples
     --------
@@ -74,19 +74,18 @@ def uniform_grid(start: float, stop: float, dt: float) -> NDArray[np.float64]:
 
 
 def low_pass_needed(step: float, distance: float) -> bool:
-    """True if a grid of `step` seconds is so much coarser than the readings that it would alias."""
+    """Whether a grid of `step` seconds is so coarse that faster content of the readings would fold back."""
     return bool(step > COARSE * distance)
 
 
 def interpolate(
     time: ArrayLike, values: ArrayLike, grid: ArrayLike, *, max_gap: float | None = None
 ) -> NDArray[np.float64]:
-    """Bring readings onto a grid.
+    """Bring readings onto a grid by linear interpolation.
 
-    Between readings the value is interpolated linearly. A gap longer than `max_gap` stays NaN, and so does
-    everything before the first and after the last reading. If the grid is coarser than two readings, the
-    signal passes a Gaussian low-pass of half a grid step first (a factor 0.29 at the grid's Nyquist
-    frequency, no delay and no overshoot), so that faster content does not fold back.
+    A gap longer than `max_gap` stays NaN, and so does the time before the first and after the last reading. For a grid
+    coarser than two readings the signal first passes a Gaussian low-pass of half a grid step (a factor 0.29 at the
+    grid's Nyquist frequency, no delay and no overshoot), so that faster content does not fold back.
 
     Parameters
     ----------
@@ -95,8 +94,7 @@ def interpolate(
     grid : array-like of shape (K,)
         Seconds, increasing.
     max_gap : float, optional
-        Longest distance between readings that is bridged, in seconds; five times their median distance where
-        not given.
+        Longest gap that is interpolated, in seconds; five times the median distance of readings where not given.
 
     Returns
     -------
@@ -129,7 +127,7 @@ def interpolate(
 def _smoothed(
     t: NDArray[np.float64], x: NDArray[np.float64], step: float, distance: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Signal on a uniform grid as fine as the readings, after the low-pass of half a `step`."""
+    """Return a uniform grid as fine as the readings, and the signal on it after the low-pass of half a `step`."""
     fine = step / np.ceil(step / distance)
     source = t[0] + fine * np.arange(int(np.ceil((t[-1] - t[0]) / fine)) + 1)
     return source, gaussian_filter1d(np.interp(source, t, x), 0.5 * step / fine, mode="nearest")

@@ -1,4 +1,4 @@
-"""Units, bases and signs of recorded columns, and their way into the units of `errorscreen.data.channels.Channel`."""
+"""Units, bases and signs of recorded columns, and their conversion to the units of `Channel`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from errorscreen.data.channels import ROLE_UNITS
 from errorscreen.exceptions import InputError, check_real, unknown_name
 
-#: Volts, and megavolt-amperes, in one unit of each name.
+_Array = NDArray[np.float64]
+#: Volts, and megavolt-amperes, in one unit.
 _VOLTS = {"V": 1.0, "kV": 1e3}
 _MVA = {
     **{"W": 1e-6, "kW": 1e-3, "MW": 1.0, "GW": 1e3},
@@ -32,7 +33,7 @@ UNITS: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class Column:
-    """Where a channel comes from and what its numbers mean.
+    """Source of a channel and meaning of its numbers.
 
     Parameters
     ----------
@@ -43,19 +44,19 @@ class Column:
         nominal); P and Q: ``W, kW, MW, GW``, the same with ``var`` or ``VA``, ``pu``. The unit of the channel
         (pu, rad, Hz) where not given. Any text for other channels, whose numbers stay as they are.
     base : float, optional
-        What 1 pu is, if not the recording's own base: MVA for P and Q, kV line to line for V.
+        1 pu, if it is not the recording's own base: MVA for P and Q, kV line to line for V.
     sign : {"generator", "load"}
         P and Q: positive when generated, or positive when consumed.
     scale : float
         Factor on the numbers in the file, for example of an instrument transformer.
     per_phase : bool
-        P and Q in W, var or VA: one of three equal phases, so the total is three times as much.
+        P and Q in W, var or VA: of one of three equal phases, so the total is three times as much.
     line_neutral : bool
-        V in V or kV: measured from line to neutral and not from line to line.
+        V in V or kV: from line to neutral instead of line to line.
     real, imag : str, optional
         V: headers of the parts of the phasor; the angle becomes a channel of its own.
     value : float, optional
-        A value that is stated and not measured: taken before the event and never compared with.
+        A pre-event value that is stated and not measured; nothing is compared with it.
 
     Examples
     --------
@@ -90,7 +91,7 @@ class Bases:
 
 
 def as_column(role: str, spec: Column | str | Mapping[str, Any], where: str) -> Column:
-    """Check what was said about a channel, given as a header, a mapping of fields or a `Column`.
+    """Check the description of a channel, given as a header, a mapping of fields or a `Column`.
 
     Raises
     ------
@@ -108,9 +109,9 @@ def as_column(role: str, spec: Column | str | Mapping[str, Any], where: str) -> 
     near = {name.casefold(): name for name in ROLE_UNITS} | {"u": "V"}
     if role not in ROLE_UNITS and role.casefold() in near:
         raise InputError(
-            f"channel {role!r} is taken for {near[role.casefold()]!r}, which is written differently",
+            f"channel {role!r} looks like {near[role.casefold()]!r}, which is written differently",
             where=where,
-            allowed=", ".join(ROLE_UNITS) + ", or a name that cannot be mistaken for them",
+            allowed=f"{', '.join(ROLE_UNITS)}, or a name that cannot be mistaken for them",
         )
     if role in UNITS and spec.unit is not None and spec.unit not in UNITS[role]:
         raise unknown_name(spec.unit, UNITS[role], kind="unit", where=where)
@@ -155,10 +156,8 @@ def _check_meaning(role: str, spec: Column, where: str) -> None:
             raise InputError(f"{name} does not apply to {role!r} in {unit!r}", where=where, allowed=allowed)
 
 
-def convert(
-    role: str, numbers: NDArray[np.float64], spec: Column, bases: Bases, where: str
-) -> NDArray[np.float64]:
-    """Numbers of a file in the unit of the channel: pu, rad, Hz.
+def convert(role: str, numbers: _Array, spec: Column, bases: Bases, where: str) -> _Array:
+    """Convert recorded numbers to the unit of the channel: pu, rad, Hz.
 
     Raises
     ------
@@ -201,13 +200,13 @@ def _voltage_factor(unit: str, spec: Column, bases: Bases, where: str) -> float:
     return kv * (float(np.sqrt(3.0)) if spec.line_neutral else 1.0) / bases.kv
 
 
-def _frequency(numbers: NDArray[np.float64], unit: str, nominal: float) -> NDArray[np.float64]:
+def _frequency(numbers: _Array, unit: str, nominal: float) -> _Array:
     factors = {"Hz": 1.0, "mHz": 1e-3, "pu": nominal, "rad/s": 0.5 / np.pi}
     quantity, _, deviation = unit.partition(" ")
     return factors[quantity] * numbers + (nominal if deviation else 0.0)
 
 
-def unwrap(angle: NDArray[np.float64]) -> NDArray[np.float64]:
+def unwrap(angle: _Array) -> _Array:
     """Remove jumps by full turns from an angle in rad; gaps stay gaps.
 
     Examples

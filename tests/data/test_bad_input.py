@@ -170,7 +170,7 @@ FILES = {
     "mistakable channel": (
         GOOD,
         {"columns": {"p": "P"}},
-        "channel 'p': channel 'p' is taken for 'P', which is written differently. Allowed: V, angle, f, P, Q",
+        "channel 'p': channel 'p' looks like 'P', which is written differently. Allowed: V, angle, f, P, Q",
     ),
     "sign where it means nothing": (
         GOOD,
