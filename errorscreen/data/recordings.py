@@ -1,4 +1,4 @@
-"""Measured channels: names, units, time base, gaps, noise and what was assumed about them."""
+"""Recordings: measured channels over time, with bases, event, noise and assumptions."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ class Recording(Displayed):
     base_kv : float, optional
         Base of V, line to line.
     given : mapping of str to float
-        Pre-event values that are stated and not measured, for example ``{"P": 0.54}``.
+        Pre-event values that were not measured, for example ``{"P": 0.54}``.
     assumptions : tuple of str
-        Sentences on what was assumed or repaired, for the report.
+        Sentences on assumptions and repairs, for the report.
 
     Raises
     ------

@@ -33,16 +33,15 @@ if TYPE_CHECKING:
 def plot_responses(
     observation: Observation, responses: Mapping[str, ArrayLike], *, window: tuple[float, float] | None = None
 ) -> Figure:
-    """Measured against simulated channels, one panel each, with the event marked.
+    """Measured and simulated channels, one panel each, with the event marked.
 
     Parameters
     ----------
     observation : Observation
-        Measured channels (R, L) on their time axis.
     responses : mapping of str to array-like of shape (R, L)
         Simulations by label, for example ``{"before": ..., "after": ...}``.
     window : (float, float), optional
-        Instants in seconds between which is plotted; all where not given.
+        First and last instant in seconds; all where not given.
 
     Returns
     -------
@@ -51,7 +50,7 @@ def plot_responses(
     Raises
     ------
     InputError
-        If a response has another shape than the measurement, or nothing was measured.
+        If the shape of a response is not that of the measurement, or nothing was measured.
 
     Examples
     --------
@@ -67,7 +66,7 @@ def plot_responses(
 
 
 def plot_comparison(observations: Sequence[Observation], simulators: Mapping[str, Simulator]) -> Figure:
-    """Measured against simulated channels, one column of panels for each recording.
+    """Measured and simulated channels, one column of panels for each recording.
 
     Parameters
     ----------
@@ -150,8 +149,8 @@ def plot_rankings(
 ) -> Figure:
     """Contributions of all parameters by several screeners, side by side.
 
-    Each panel is relative to its own largest contribution, because contributions of different screeners have
-    different units. Parameters stand in the order of the first screener.
+    Each panel is relative to its largest contribution, because screeners have different units. The first screener gives
+    the order of the parameters.
 
     Parameters
     ----------
@@ -181,11 +180,8 @@ def plot_rankings(
     names = sorted(first, key=lambda name: -first[name])
     for label, values in contributions.items():
         if set(values) != set(names):
-            raise InputError(
-                f"screener {label!r} ranks other parameters: {', '.join(values)}",
-                where="plot_rankings",
-                allowed=", ".join(names),
-            )
+            problem = f"screener {label!r} ranks other parameters: {', '.join(values)}"
+            raise InputError(problem, where="plot_rankings", allowed=", ".join(names))
     figure = figure_of(1.6 + 2.6 * len(contributions), 1.0 + 0.26 * len(names))
     panels = figure.subplots(1, len(contributions), sharey=True, squeeze=False)[0]
     for k, (axes, (label, values)) in enumerate(zip(panels, contributions.items(), strict=True)):
@@ -220,9 +216,9 @@ def plot_intervals(
     bounds, intervals : array-like of shape (k, 2)
         Lower and upper ends.
     identifiable : array-like of shape (k,), optional
-        False where the recording does not determine the value; drawn hollow.
+        False where the recording does not determine the value; the marker is then hollow.
     scales : array-like of shape (k,), optional
-        What a deviation is measured against; the size of the nominal value where not given.
+        Denominators of the relative deviations; the size of the nominal values where not given.
 
     Returns
     -------
@@ -245,15 +241,9 @@ def plot_intervals(
     if not np.all(size > 0):
         raise InputError("a scale is not positive", where="plot_intervals", remedy="Give scales")
     known = np.ones(k, dtype=bool) if identifiable is None else np.asarray(identifiable, dtype=bool)
-    limit, span, value = (
-        100 * (shaped(a, s, w) - centre[:, None] if len(s) == 2 else shaped(a, s, w) - centre)
-        for a, s, w in (
-            (bounds, (k, 2), "bounds"),
-            (intervals, (k, 2), "intervals"),
-            (values, (k,), "values"),
-        )
-    )
-    limit, span, value = limit / size[:, None], span / size[:, None], value / size
+    limit = (100 * (shaped(bounds, (k, 2), "bounds").T - centre) / size).T
+    span = (100 * (shaped(intervals, (k, 2), "intervals").T - centre) / size).T
+    value = 100 * (shaped(values, (k,), "values") - centre) / size
     figure = figure_of(7.5, 1.2 + 0.3 * k)
     axes = figure.subplots()
     rows = np.arange(k)
@@ -285,7 +275,7 @@ def plot_waveform(
     name, unit : str
         For the axis.
     event_time : float, optional
-        Marked where given.
+        Start of the event in seconds.
 
     Returns
     -------

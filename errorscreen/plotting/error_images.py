@@ -36,8 +36,7 @@ def plot_error_images(
 ) -> Figure:
     """Wavelet energy of response errors over time and frequency, one row for each channel.
 
-    Colours give decibels below the largest energy of the channel in all images of its row, so that images beside
-    each other can be compared.
+    Colours give decibels below the largest energy of the row, so the images of a channel can be compared.
 
     Parameters
     ----------
@@ -49,12 +48,12 @@ def plot_error_images(
         Seconds, increasing.
     channels : sequence of R str
     event_time : float, optional
-        Seconds; marked by a line.
+        Start of the event in seconds.
     cone : array-like of shape (H,), optional
-        Seconds from either end of the record within which a row is marked by that end; veiled.
+        Reach of the ends of the record in seconds at each frequency; a veil covers that part.
     outlined : mapping of str to sequence of (str, (float, float), (float, float)), optional
-        Where the error of an image is more than noise: channel, start and stop in seconds, band in hertz; drawn as far
-        as it lies in the image.
+        Errors above noise in an image: channel, start and stop in seconds, band in hertz. Parts outside of the image
+        are left out.
 
     Returns
     -------
@@ -63,7 +62,7 @@ def plot_error_images(
     Raises
     ------
     InputError
-        If shapes do not fit, or something is outlined in an image or channel that there is not.
+        If shapes do not fit, or an outline belongs to no image or channel.
 
     Examples
     --------
@@ -103,16 +102,8 @@ def _draw_energy(
 ) -> QuadMesh:
     """One image of energies (H, W) relative to the largest."""
     level = 10 * np.log10(np.maximum(energy, 10 ** (-DYNAMIC_RANGE / 10)))
-    mesh = axes.pcolormesh(
-        times,
-        frequencies,
-        level,
-        cmap="viridis",
-        vmin=-DYNAMIC_RANGE,
-        vmax=0,
-        shading="nearest",
-        rasterized=True,
-    )
+    limits: dict[str, Any] = {"vmin": -DYNAMIC_RANGE, "vmax": 0, "cmap": "viridis"}
+    mesh = axes.pcolormesh(times, frequencies, level, shading="nearest", rasterized=True, **limits)
     axes.set_yscale("log")
     axes.set_ylim(frequencies[0], frequencies[-1])
     return mesh
@@ -121,7 +112,7 @@ def _draw_energy(
 def _by_panel(
     outlined: Mapping[str, Sequence[Outlined]], labels: Collection[str], channels: Sequence[str]
 ) -> dict[tuple[str, str], list[Outlined]]:
-    """What is outlined in each image, by its label and channel."""
+    """Outlines of each image, by its label and channel."""
     panels: dict[tuple[str, str], list[Outlined]] = {}
     for label, cells in outlined.items():
         for cell in cells:
@@ -136,7 +127,7 @@ def _by_panel(
 
 
 def _outline(axes: Axes, cells: Sequence[Outlined]) -> None:
-    """Edges of cells as far as they lie in the axes, each apart from those beside it."""
+    """Draw the edges of cells inside the axes, with a gap between neighbours."""
     from matplotlib.patches import Rectangle
 
     (first, last), (lowest, highest) = axes.get_xlim(), axes.get_ylim()
@@ -151,13 +142,13 @@ def _outline(axes: Axes, cells: Sequence[Outlined]) -> None:
 
 
 def _inset(low: float, high: float, gap: float) -> tuple[float, float]:
-    """Range without a gap at both ends, which leaves most of a short one."""
+    """Cut a gap from both ends of a range, at most a fifth of it."""
     gap = min(gap, 0.2 * (high - low))
     return low + gap, high - gap
 
 
 def _shade_cone(axes: Axes, times: NDArray[Any], frequencies: NDArray[Any], cone: NDArray[Any]) -> None:
-    """Pale veil over what the ends of the record mark."""
+    """Draw a pale veil over the reach of the ends of the record."""
     reach = np.minimum(cone, 0.5 * (times[-1] - times[0]))
     for end, inner in ((times[0], times[0] + reach), (times[-1], times[-1] - reach)):
         axes.fill_betweenx(frequencies, end, inner, facecolor="white", alpha=0.35, edgecolor="none")

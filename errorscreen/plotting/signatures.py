@@ -1,4 +1,4 @@
-"""What an effect changes in the responses to some events, at rising strength."""
+"""Change of responses by an effect of rising strength."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ def plot_signature(
     events : sequence of Event, optional
         The simulator's default event where not given.
     strengths : sequence of float
-        In multiples of the largest strength, the upper bound; each 0 to 1.
+        In multiples of the upper bound of the strength; each 0 to 1.
 
     Returns
     -------
     matplotlib.figure.Figure
-        A strength that cannot be simulated is left out.
+        Strengths whose simulation fails are left out.
 
     Raises
     ------
