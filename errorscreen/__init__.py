@@ -47,35 +47,29 @@ __all__ = [
     "load_case",
     "read",
 ]
-#: module and name of each public object
-_SOURCES = {
-    "CallableSimulator": ("simulators", "CallableSimulator"),
-    "CauseFinder": ("discovery", "CauseFinder"),
-    "Column": ("data", "Column"),
-    "Grid": ("simulators", "PowerSystemSimulator"),
-    "InputError": ("exceptions", "InputError"),
-    "ODESimulator": ("simulators", "ODESimulator"),
-    "Parameter": ("parameters", "Parameter"),
-    "ParameterSpace": ("parameters", "ParameterSpace"),
-    "Plant": ("simulators", "PlantSimulator"),
-    "Recording": ("data", "Recording"),
-    "calibrate": ("api", "calibrate"),
-    "diagnose": ("discovery", "diagnose"),
-    "find_causes": ("api", "find_causes"),
-    "load_case": ("cases", "load_case"),
-    "read": ("api", "read"),
+#: modules of the public names, and names that are shorter here
+_MODULES = {
+    "api": ("calibrate", "find_causes", "read"),
+    "cases": ("load_case",),
+    "data": ("Column", "Recording"),
+    "discovery": ("CauseFinder", "diagnose"),
+    "exceptions": ("InputError",),
+    "parameters": ("Parameter", "ParameterSpace"),
+    "simulators": ("CallableSimulator", "Grid", "ODESimulator", "Plant"),
 }
+_LONG_NAMES = {"Grid": "PowerSystemSimulator", "Plant": "PlantSimulator"}
 
 
 def __getattr__(name: str) -> Any:
     """Load a public name at its first use (PEP 562)."""
-    if name not in _SOURCES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from importlib import import_module
+    for module, names in _MODULES.items():
+        if name in names:
+            from importlib import import_module
 
-    module, attribute = _SOURCES[name]
-    value = globals()[name] = getattr(import_module(f"{__name__}.{module}"), attribute)
-    return value
+            found = import_module(f"{__name__}.{module}")
+            value = globals()[name] = getattr(found, _LONG_NAMES.get(name, name))
+            return value
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

@@ -39,10 +39,8 @@ class Event(Displayed):
             mean = (time[-1] - time[0]) / (len(time) - 1)
             uniform = mean > 0 and np.abs(np.diff(time) - mean).max() <= 1e-9 + 1e-6 * mean
         if not (uniform and np.isfinite(mean)):
-            raise InputError(
-                "the time axis of an event is not uniform and increasing",
-                remedy="Resample the recording first (Recording.resample)",
-            )
+            problem = "the time axis of an event is not uniform and increasing"
+            raise InputError(problem, remedy="Resample the recording first (Recording.resample)")
         object.__setattr__(self, "time", time)
 
     def _facts(self) -> dict[str, Any]:
@@ -203,10 +201,8 @@ class BusFault(GridEvent):
         after = network
         for bus, other, share, circuit in self.opened:
             after = after.with_branch_share(bus, other, 1 - share, circuit)
-        return (
-            (self.start, network.with_fault(self.bus, self.impedance)),
-            (self.start + self.duration, after),
-        )
+        during = network.with_fault(self.bus, self.impedance)
+        return (self.start, during), (self.start + self.duration, after)
 
 
 @dataclass(frozen=True)

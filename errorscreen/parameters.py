@@ -79,28 +79,23 @@ class Parameter:
                 raise InputError(f"{field} is {value}", where=where, allowed="a finite number")
             object.__setattr__(self, field, value)
             if self.domain and (value < 0 or (value == 0 and self.domain == "> 0")):
-                raise InputError(
-                    f"{field} is {value:g}",
-                    where=where,
-                    allowed=f"a number {self.domain}",
-                    remedy="Correct the value, or narrow the bounds",
-                )
+                allowed, remedy = f"a number {self.domain}", "Correct the value, or narrow the bounds"
+                raise InputError(f"{field} is {value:g}", where=where, allowed=allowed, remedy=remedy)
+        limits = f"the range [{self.lower:g}, {self.upper:g}]"
         if not self.lower < self.upper:
-            raise InputError(
-                f"the range [{self.lower:g}, {self.upper:g}] is empty", where=where, allowed="lower < upper"
-            )
+            raise InputError(f"{limits} is empty", where=where, allowed="lower < upper")
         if not self.lower <= self.nominal <= self.upper:
             raise InputError(
-                f"the range [{self.lower:g}, {self.upper:g}] excludes the nominal value {self.nominal:g}",
+                f"{limits} excludes the nominal value {self.nominal:g}",
                 where=where,
                 allowed="lower <= nominal <= upper",
                 remedy="Widen the range or change the nominal value",
             )
         scale = abs(self.nominal) if self.scale is None else float(self.scale)
         if not (np.isfinite(scale) and scale > 0):
+            values = f"the nominal value is {self.nominal:g} and the scale is {scale:g}"
             raise InputError(
-                f"the nominal value is {self.nominal:g} and the scale is {scale:g}, so a relative deviation "
-                "is undefined",
+                f"{values}, so a relative deviation is undefined",
                 where=where,
                 allowed="a nominal value other than 0, or a positive scale",
                 remedy="Give scale=, the size of a change that matters",

@@ -196,9 +196,8 @@ class Observation(Displayed):
         simulated = {label: np.asarray(values, dtype=float) for label, values in responses.items()}
         for label, values in simulated.items():
             if values.shape != self.values.shape:
-                raise InputError(
-                    f"response {label!r} has shape {values.shape}", allowed=f"{self.values.shape}"
-                )
+                problem = f"response {label!r} has shape {values.shape}"
+                raise InputError(problem, allowed=f"{self.values.shape}")
         simulated = {label: values[rows] for label, values in simulated.items()}
         return Curves(self.time, self.values[rows], self.event.start, simulated, self.event.name)
 

@@ -65,11 +65,8 @@ def uniform_grid(start: float, stop: float, dt: float) -> NDArray[np.float64]:
     check_steps(stop - start, dt, "dt")
     count = int(np.floor((stop - start) / dt + 1e-6)) + 1
     if count < 2:
-        raise InputError(
-            f"a step of {dt:g} s leaves fewer than two instants between {start:g} and {stop:g} s",
-            where="dt",
-            allowed=f"less than {max(stop - start, 0.0):g} s",
-        )
+        problem = f"a step of {dt:g} s leaves fewer than two instants between {start:g} and {stop:g} s"
+        raise InputError(problem, where="dt", allowed=f"less than {max(stop - start, 0.0):g} s")
     return float(start) + float(dt) * np.arange(count, dtype=float)
 
 

@@ -62,12 +62,8 @@ def read_time(table: Table, header: str, unit: str, notes: list[str], decimal: s
 def _read_iso(table: Table, header: str, notes: list[str]) -> _Array:
     cells = pd.Series(list(table.column(header)))
     if pd.api.types.is_numeric_dtype(cells):
-        raise InputError(
-            "numbers were found where dates were announced",
-            where=table.place(0, header),
-            allowed=_ISO,
-            remedy="Give time_unit='s' or 'ms' for numbers",
-        )
+        problem, remedy = "numbers were found instead of dates", "Give time_unit='s' or 'ms' for numbers"
+        raise InputError(problem, where=table.place(0, header), allowed=_ISO, remedy=remedy)
     stamps = pd.to_datetime(cells, format="ISO8601", utc=True, errors="coerce")
     wrong = np.flatnonzero(stamps.isna())
     if len(wrong):

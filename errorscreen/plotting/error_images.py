@@ -117,11 +117,9 @@ def _by_panel(
     for label, cells in outlined.items():
         for cell in cells:
             if label not in labels or cell[0] not in channels:
-                raise InputError(
-                    f"there is no image {label!r} of a channel {cell[0]!r}",
-                    where="plot_error_images, outlined",
-                    allowed=f"images {', '.join(labels)}; channels {', '.join(channels)}",
-                )
+                allowed = f"images {', '.join(labels)}; channels {', '.join(channels)}"
+                problem = f"there is no image {label!r} of a channel {cell[0]!r}"
+                raise InputError(problem, where="plot_error_images, outlined", allowed=allowed)
             panels.setdefault((label, cell[0]), []).append(cell)
     return panels
 

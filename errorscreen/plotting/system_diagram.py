@@ -71,15 +71,12 @@ def plot_system(
     'fault at bus 3'
     """
     if not isinstance(simulator, PowerSystemSimulator):
-        raise InputError(
-            f"a {type(simulator).__name__} does not simulate a grid", allowed="a PowerSystemSimulator"
-        )
+        problem = f"a {type(simulator).__name__} does not simulate a grid"
+        raise InputError(problem, allowed="a PowerSystemSimulator")
     shown = simulator.event if event is None else event
     if not isinstance(shown, GridEvent):
-        raise InputError(
-            f"a {type(shown).__name__} does not happen in a grid",
-            allowed="BusFault, LineTrip, LoadStep, GridEvent",
-        )
+        problem = f"a {type(shown).__name__} does not happen in a grid"
+        raise InputError(problem, allowed="BusFault, LineTrip, LoadStep, GridEvent")
     network = simulator.network
     places = _places(network, shown)
     points = bus_positions(network, positions)
@@ -287,9 +284,8 @@ class _Canvas:
         **style: Any,
     ) -> None:
         """Write a text beside a box where it hides least; the ends of a bar come first."""
-        label = self.axes.text(
-            0, 0, text, ha="center", va="center", fontsize=8, color=colour, zorder=6, **style
-        )
+        style |= {"ha": "center", "va": "center", "fontsize": 8, "zorder": 6}
+        label = self.axes.text(0, 0, text, color=colour, **style)
         size = label.get_window_extent()
         half = 0.5 * np.array([size.width, size.height]) / self.figure.dpi
         beside = [] if along is None else [
