@@ -23,6 +23,10 @@ MIN_AFTER = 5
 PLAUSIBLE_V = (0.5, 1.5)
 
 
+class Doubt(str):
+    """An assumption about a recording that a wrong unit, base or sign would explain."""
+
+
 def in_window(time: _Array, start: float | None, stop: float | None, where: str) -> NDArray[np.bool_]:
     """Mask of the samples from `start` to `stop` seconds, both included; an end that is None is open.
 
@@ -193,6 +197,6 @@ def warn_implausible(V: float, where: str) -> list[str]:
     """
     if PLAUSIBLE_V[0] <= V <= PLAUSIBLE_V[1]:
         return []
-    note = f"V before the event is {V:.3g} pu: check its unit and base_kv."
+    note = Doubt(f"V before the event is {V:.3g} pu: check its unit and base_kv.")
     warnings.warn(f"{where}: {note}", DataWarning, stacklevel=3)
     return [note]

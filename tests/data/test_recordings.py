@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from errorscreen.data.observations import Observation
+from errorscreen.data.preparation import Doubt
 from errorscreen.data.recordings import Channel, Recording
 from errorscreen.events import Event
 from errorscreen.exceptions import DataWarning, InputError
@@ -308,3 +309,10 @@ def test_recordings_and_observations_are_drawn_and_tabulated():
     )
     assert seen.to_frame().equals(rec.to_frame())
     assert len(seen.plot({"twice": 2 * seen.values}).axes[0].lines) == 3  # measured, simulated, start
+
+
+def test_a_doubt_is_told_from_other_assumptions():
+    with pytest.warns(DataWarning, match="check its unit"):
+        rec = Recording.from_arrays(TIME, {"V": 10 - swing(TIME)}, base_mva=1, f_nominal=50)
+    doubts = [sentence for sentence in rec.assumptions if isinstance(sentence, Doubt)]
+    assert [str(sentence) for sentence in doubts] == [rec.assumptions[-1]]
