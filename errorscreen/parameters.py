@@ -281,24 +281,13 @@ class ParameterSpace:
 
 
 def distinct_rows(theta: _Array) -> tuple[_Array, NDArray[np.int64]]:
-    """Return the different rows in the order of their first appearance, and the number of each row among them.
+    """Return the different rows of `theta` (n, m) in order of appearance, and for each row (n,) its number there.
 
     Same as ``np.unique`` with an axis, but faster: a search asks thousands of times.
 
-    Parameters
-    ----------
-    theta : ndarray of shape (n, m)
-
-    Returns
-    -------
-    rows : ndarray of shape (r, m)
-    which : ndarray of shape (n,), int
-        ``rows[which]`` is `theta`.
-
     Examples
     --------
-    >>> rows, which = distinct_rows(np.array([[2.0, 1.0], [1.0, 1.0], [2.0, 1.0]]))
-    >>> rows, which
+    >>> distinct_rows(np.array([[2.0, 1.0], [1.0, 1.0], [2.0, 1.0]]))
     (array([[2., 1.],
            [1., 1.]]), array([0, 1, 0]))
     """

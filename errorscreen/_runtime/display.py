@@ -11,49 +11,24 @@ LONGEST = 199
 
 
 def shortened(text: str, limit: int = LONGEST) -> str:
-    """Cut a text that is too long.
-
-    Examples
-    --------
-    >>> shortened("abcdefgh", 6)
-    'abc...'
-    """
+    """Cut a text that is too long."""
     return text if len(text) <= limit else text[: limit - 3] + "..."
 
 
 def listed(names: Iterable[str], limit: int = 8) -> str:
-    """Join the first names of many.
-
-    Examples
-    --------
-    >>> listed(["a", "b", "c"], 2)
-    'a, b and 1 more'
-    """
+    """Join the first names of many."""
     names = list(names)
     more = f" and {len(names) - limit} more" if len(names) > limit else ""
     return ", ".join(names[:limit]) + more
 
 
 def span(time: Any) -> str:
-    """Describe a time axis (L,) in seconds.
-
-    Examples
-    --------
-    >>> span([0.0, 0.5, 1.0])
-    '3 samples from 0 to 1 s'
-    """
+    """Describe a time axis (L,) in seconds."""
     return f"{len(time)} samples from {time[0]:g} to {time[-1]:g} s"
 
 
 def aligned(rows: Iterable[Iterable[Any]]) -> str:
-    """Write rows with their cells below each other; numbers have four digits.
-
-    Examples
-    --------
-    >>> print(aligned([("channel", "noise"), ("P", 0.00123456)]))
-    channel  noise
-    P        0.001235
-    """
+    """Write rows with their cells below each other; numbers have four digits."""
     cells = [[f"{c:.4g}" if isinstance(c, float) else str(c) for c in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     lines = ("  ".join(f"{c:<{w}}" for c, w in zip(row, widths, strict=True)) for row in cells)
@@ -61,13 +36,7 @@ def aligned(rows: Iterable[Iterable[Any]]) -> str:
 
 
 def html_table(title: str, facts: Mapping[str, Any]) -> str:
-    """Write facts as an HTML table.
-
-    Examples
-    --------
-    >>> html_table("Event", {"start": "1 < 2 s"})
-    '<table><caption>Event</caption><tr><th>start</th><td>1 &lt; 2 s</td></tr></table>'
-    """
+    """Write facts as an HTML table."""
     rows = "".join(
         f"<tr><th>{escape(name)}</th><td>{escape(str(value))}</td></tr>" for name, value in facts.items()
     )

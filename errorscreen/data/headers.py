@@ -31,13 +31,7 @@ _WITH_UNIT = re.compile(
 
 
 def guess_time(headers: Iterable[str]) -> tuple[str | None, str | None]:
-    """Header of the time stamps and the unit that it states; None where no header, or more than one, names them.
-
-    Examples
-    --------
-    >>> guess_time(["t (ms)", "V"])
-    ('t (ms)', 'ms')
-    """
+    """Header of the time stamps and the unit that it states; None where no header, or more than one, names them."""
     found = [(header, unit) for header in headers for role, unit in [_read_header(header)] if role == "time"]
     known = [(header, unit) for header, unit in found if unit is None or unit in TIME_UNITS]
     return known[0] if len(known) == 1 else (None, None)
@@ -46,29 +40,9 @@ def guess_time(headers: Iterable[str]) -> tuple[str | None, str | None]:
 def guess_columns(headers: Iterable[str], source: str) -> dict[str, Column]:
     """Map headers to channels where their names leave no doubt.
 
-    A header names a channel by its own name (``V``, ``angle``, ``f``, ``P``, ``Q``: in pu, rad, Hz, pu, pu) or by a
-    usual spelling with a unit: ``P [MW]``, ``Q (Mvar)``, ``voltage in kV``, ``angle/deg``, ``V_mag_pu``.
-
-    Parameters
-    ----------
-    headers : iterable of str
-    source : str
-        For messages.
-
-    Returns
-    -------
-    dict of str to Column
-
-    Raises
-    ------
-    InputError
-        If no header names a channel, several name the same one, or the unit of one is not clear.
-
-    Examples
-    --------
-    >>> columns = guess_columns(["time", "V [kV]", "P_MW", "tap"], "table")
-    >>> {role: (column.column, column.unit) for role, column in columns.items()}
-    {'V': ('V [kV]', 'kV'), 'P': ('P_MW', 'MW')}
+    A header is the name of a channel (``V``, ``angle``, ``f``, ``P``, ``Q``: in pu, rad, Hz, pu, pu) or a usual
+    spelling with a unit: ``P [MW]``, ``Q (Mvar)``, ``voltage in kV``, ``angle/deg``, ``V_mag_pu``. `InputError` if no
+    header is, several name the same channel, or a unit is not clear.
     """
     headers = list(headers)
     found: dict[str, Column] = {}

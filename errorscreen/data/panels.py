@@ -62,16 +62,7 @@ class Curves:
 def plot_curves(
     labels: Sequence[str], recordings: Sequence[Curves], window: tuple[float, float] | None = None
 ) -> Figure:
-    """Draw one row of panels for each of n channels and one column for each recording.
-
-    Parameters
-    ----------
-    labels : sequence of n str
-        Labels of the vertical axes.
-    recordings : sequence of Curves
-    window : (float, float), optional
-        First and last instant in seconds; the whole time axis where not given.
-    """
+    """Draw one row of panels for each of n channels, whose labels are given, and one column for each recording."""
     figure = figure_of(max(9.5, 4.6 * len(recordings)), 0.7 + 2.2 * len(labels))
     panels = figure.subplots(len(labels), len(recordings), sharex="col", squeeze=False)
     for column, curves in zip(panels.T, recordings, strict=True):

@@ -28,13 +28,7 @@ class Doubt(str):
 
 
 def in_window(time: _Array, start: float | None, stop: float | None, where: str) -> NDArray[np.bool_]:
-    """Mask of the samples from `start` to `stop` seconds, both included; an end that is None is open.
-
-    Examples
-    --------
-    >>> in_window(np.arange(5.0), 1.0, 3.0, "recording")
-    array([False,  True,  True,  True, False])
-    """
+    """Mask of the samples from `start` to `stop` seconds, both included; an end that is None is open."""
     first, last = float(time[0]), float(time[-1])
     start, stop = first if start is None else start, last if stop is None else stop
     keep = (time >= start) & (time <= stop)
@@ -121,10 +115,7 @@ def check_response(time: _Array, start: float, where: str) -> None:
 def treat_held(time: _Array, values: dict[str, _Array], held: str, notes: list[str]) -> dict[str, float]:
     """Replace stale repeats of held channels by NaN, in place, unless `held` is ``"keep"``.
 
-    Returns
-    -------
-    dict of str to float
-        Seconds for which the meter holds a reading, by channel.
+    The result is the number of seconds for which the meter holds a reading, by channel.
     """
     ages = {}
     for name, array in values.items():

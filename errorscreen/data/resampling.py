@@ -17,15 +17,7 @@ MAX_STEPS = 1_000_000
 
 
 def check_steps(span: float, step: float, where: str) -> None:
-    """Raise `InputError` if `span` seconds take more than `MAX_STEPS` steps of `step` seconds.
-
-    Examples
-    --------
-    >>> check_steps(6.0, 1e-9, "simulation.step")
-    Traceback (most recent call last):
-    errorscreen.exceptions.InputError: simulation.step: 6 s in steps of 1e-09 s are 6e+09 steps. Allowed: at most
-    1e+06, here from 6e-06 s on. Choose a longer step or a shorter window, and check the unit of the time stamps.
-    """
+    """Raise `InputError` if `span` seconds take more than `MAX_STEPS` steps of `step` seconds."""
     if span > step * MAX_STEPS:
         raise InputError(
             f"{span:g} s in steps of {step:g} s are {span / step:.3g} steps",
@@ -36,30 +28,13 @@ def check_steps(span: float, step: float, where: str) -> None:
 
 
 def spacing(time: ArrayLike, values: ArrayLike) -> float:
-    """Median distance between readings that are not NaN, in seconds.
-
-    Examples
-    --------
-    >>> spacing([0.0, 0.5, 1.0, 1.5, 2.0], [1.0, 2.0, np.nan, 2.0, 1.0])
-    0.5
-    """
+    """Median distance between readings that are not NaN, in seconds."""
     readings = np.asarray(time, dtype=float)[np.isfinite(np.asarray(values, dtype=float))]
     return float(np.median(np.diff(readings))) if len(readings) > 1 else float("inf")
 
 
 def uniform_grid(start: float, stop: float, dt: float) -> NDArray[np.float64]:
-    """Instants ``start, start + dt, ...`` up to and including `stop`, in seconds.
-
-    Raises
-    ------
-    InputError
-        If `dt` is not positive, no two instants fit or more than `MAX_STEPS`.
-
-    Examples
-    --------
-    >>> uniform_grid(0.0, 0.3, 0.1)
-    array([0. , 0.1, 0.2, 0.3])
-    """
+    """Instants ``start, start + dt, ...`` up to and including `stop`, in seconds."""
     if not (np.isfinite(dt) and dt > 0):
         raise InputError(f"the step is {dt} s", where="dt", allowed="a positive number of seconds")
     check_steps(stop - start, dt, "dt")

@@ -302,21 +302,7 @@ def _rests(t: _Array, x: _Array, first: int) -> bool:
 
 
 def first_departure(time: ArrayLike, values: ArrayLike, *, least: float = 0.0) -> int | None:
-    """Index of the first reading outside the quiet band of `detect_event`; None if there is none.
-
-    Parameters
-    ----------
-    time, values : array-like of shape (L,)
-        Without gaps.
-    least : float
-        As in `detect_event`.
-
-    Examples
-    --------
-    >>> t = np.arange(100) / 50
-    >>> first_departure(t, np.where(t < 1.0, 1.0, 0.7)), first_departure(t, np.ones(100))
-    (50, None)
-    """
+    """Index of the first reading outside the quiet band of `detect_event`, without gaps; None if there is none."""
     t, x = np.asarray(time, dtype=float), np.asarray(values, dtype=float)
     if len(x) < 2 * MIN_QUIET:
         return None

@@ -22,16 +22,9 @@ MISSING = (
 
 @dataclass(frozen=True)
 class Table:
-    """Columns by header, each with the same number of rows, and the place of each row in its source.
+    """Columns by header, each with the same number of rows, and the number of each row in its source.
 
-    Parameters
-    ----------
-    columns : mapping of str to sequence
-        Text, numbers or time stamps.
-    rows : sequence of int
-        Number of each row in the source, for messages.
-    source, row_word : str
-        For example ``"file rec.csv"`` and ``"line"``.
+    `source` and `row_word` are for messages, for example ``"file rec.csv"`` and ``"line"``.
     """
 
     columns: Mapping[str, Any]
@@ -52,13 +45,7 @@ class Table:
     def numbers(
         self, header: str, *, missing: Iterable[str] = (), decimal: str = ".", remedy: str | None = None
     ) -> NDArray[np.float64]:
-        """Numbers of a column, NaN for gaps.
-
-        Raises
-        ------
-        InputError
-            If a cell holds a text that is neither a number nor marks a gap.
-        """
+        """Numbers of a column, NaN for gaps; other texts are refused."""
         cells = pd.Series(list(self.column(header)))
         if pd.api.types.is_numeric_dtype(cells):
             return cells.to_numpy(dtype=float, na_value=np.nan)

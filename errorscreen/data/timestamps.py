@@ -27,13 +27,7 @@ Values = dict[str, _Array]
 
 
 def read_time(table: Table, header: str, unit: str, notes: list[str], decimal: str) -> _Array:
-    """Read time stamps in seconds; ISO 8601 stamps count from the first one.
-
-    Raises
-    ------
-    InputError
-        If the unit is unknown, or a stamp is missing, lies beyond any date or cannot be read.
-    """
+    """Read time stamps in seconds; ISO 8601 stamps count from the first one."""
     if unit not in TIME_UNITS:
         raise unknown_name(unit, TIME_UNITS, kind="time unit", where=table.source)
     if unit == "iso":
@@ -77,24 +71,10 @@ def _read_iso(table: Table, header: str, notes: list[str]) -> _Array:
 def order_samples(
     time: _Array, values: Values, table: Table, header: str, on_backward: str, notes: list[str]
 ) -> tuple[_Array, Values]:
-    """Bring samples into strictly increasing time.
+    """Bring samples into strictly increasing time, and write a note on each repair.
 
-    Parameters
-    ----------
-    time : ndarray of shape (L,)
-    values : dict of str to ndarray of shape (L,)
-    table, header
-        For messages.
-    on_backward : {"error", "sort", "drop"}
-        Treatment of time that runs backwards: refuse, sort the samples by time, or drop as few samples as possible.
-    notes : list of str
-        Receives a sentence for each repair.
-
-    Raises
-    ------
-    InputError
-        If time runs backwards and `on_backward` is ``"error"``, or more than a tenth of the samples are
-        differing readings at equal stamps.
+    Where time runs backwards, `on_backward` is ``"error"``, ``"sort"`` by time, or ``"drop"`` as few samples as
+    possible. More than a tenth of stamps with several different readings are refused.
     """
     if on_backward not in ON_BACKWARD:
         raise unknown_name(str(on_backward), ON_BACKWARD, kind="value of on_backward", where=table.source)
@@ -117,13 +97,7 @@ def order_samples(
 
 
 def longest_increasing(time: _Array) -> NDArray[np.int64]:
-    """Indices of the longest selection of `time` that never decreases.
-
-    Examples
-    --------
-    >>> longest_increasing(np.array([0.0, 0.1, 9.0, 0.2, 0.3]))
-    array([0, 1, 3, 4])
-    """
+    """Indices of the longest selection of `time` that never decreases."""
     tails: list[float] = []  # last value of the best part of each length (patience sorting)
     where: list[int] = []
     previous = np.full(len(time), -1)

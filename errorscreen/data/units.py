@@ -91,13 +91,7 @@ class Bases:
 
 
 def as_column(role: str, spec: Column | str | Mapping[str, Any], where: str) -> Column:
-    """Check the description of a channel, given as a header, a mapping of fields or a `Column`.
-
-    Raises
-    ------
-    InputError
-        If a field, a unit or a sign is unknown, or a field does not apply to this channel.
-    """
+    """Check the description of a channel, given as a header, a mapping of fields or a `Column`."""
     if isinstance(spec, str):
         spec = Column(spec)
     elif not isinstance(spec, Column):
@@ -157,21 +151,7 @@ def _check_meaning(role: str, spec: Column, where: str) -> None:
 
 
 def convert(role: str, numbers: _Array, spec: Column, bases: Bases, where: str) -> _Array:
-    """Convert recorded numbers to the unit of the channel: pu, rad, Hz.
-
-    Raises
-    ------
-    InputError
-        If V is in volts and the base voltage is unknown.
-
-    Examples
-    --------
-    >>> bases = Bases(mva=100.0, kv=20.0, hz=50.0)
-    >>> convert("P", np.array([30.0]), Column("P", unit="MW", sign="load"), bases, "P")
-    array([-0.3])
-    >>> convert("V", np.array([11.547]), Column("V", unit="kV", line_neutral=True), bases, "V").round(4)
-    array([1.])
-    """
+    """Convert recorded numbers to the unit of the channel: pu, rad, Hz."""
     numbers = spec.scale * numbers
     unit = spec.unit or ROLE_UNITS.get(role, "")
     if role in ("P", "Q"):
@@ -207,13 +187,7 @@ def _frequency(numbers: _Array, unit: str, nominal: float) -> _Array:
 
 
 def unwrap(angle: _Array) -> _Array:
-    """Remove jumps by full turns from an angle in rad; gaps stay gaps.
-
-    Examples
-    --------
-    >>> unwrap(np.array([3.0, np.nan, -3.0])).round(3)
-    array([3.   ,   nan, 3.283])
-    """
+    """Remove jumps by full turns from an angle in rad; gaps stay gaps."""
     out = angle.copy()
     known = np.isfinite(out)
     out[known] = np.unwrap(out[known])

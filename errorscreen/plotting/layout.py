@@ -30,13 +30,7 @@ _SPACING, _SHORTEST, _LONGEST = 0.8, 4.5, 30.0
 
 
 def bus_positions(network: Network, given: Mapping[int, Sequence[float]] | None) -> Points:
-    """Return positions of all buses in inches, in the order of the network, shape (n_buses, 2).
-
-    Raises
-    ------
-    InputError
-        If a bus has no position or that of another bus, or a position is not a pair of finite numbers.
-    """
+    """Return positions of all buses in inches, in the order of the network, shape (n_buses, 2)."""
     points = _stress_layout(network) if given is None else _checked(network, given)
     points = points - points.min(axis=0)
     if len(points) == 1:

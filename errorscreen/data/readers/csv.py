@@ -92,13 +92,7 @@ def read_table(
     encoding: str = "utf-8-sig",
     skip_rows: int = 0,
 ) -> Table:
-    """Read all cells of a file as text and skip blank lines.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is empty, or a line has another number of fields than the header.
-    """
+    """Read all cells of a file as text and skip blank lines."""
     source = f"file {path}"
     text = _text(path, encoding)
     if skip_rows < 0:
