@@ -1,30 +1,30 @@
-"""What happened: the inputs a simulator is driven with."""
+"""Events: the inputs of a simulator and the time axis of its responses."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from errorscreen._runtime.display import Displayed, listed, span
 from errorscreen.exceptions import InputError, check_real
 
 
 @dataclass(frozen=True)
-class Event:
-    """A disturbance, on the time grid on which it is observed.
+class Event(Displayed):
+    """A disturbance, on the time grid of its observation.
 
     Parameters
     ----------
     time : ndarray of shape (L,)
-        Uniform, increasing, in seconds: where responses are wanted.
+        Instants of the responses in seconds; uniform, increasing.
     name : str
         For tables and plots.
     start : float
-        Time at which the disturbance begins, in seconds, on the same axis as `time`; everything before it
-        is the quiet part.
+        Start of the disturbance in seconds on the same axis; everything before it is the quiet part.
     """
 
     time: NDArray[np.float64]
@@ -35,15 +35,27 @@ class Event:
         time = np.asarray(self.time, dtype=float)
         if time.ndim != 1 or len(time) < 2:
             raise InputError(f"the time axis has shape {time.shape}", allowed="at least two instants")
-        with np.errstate(invalid="ignore"):  # what is not finite does not pass
+        with np.errstate(invalid="ignore"):  # values that are not finite do not pass
             mean = (time[-1] - time[0]) / (len(time) - 1)
             uniform = mean > 0 and np.abs(np.diff(time) - mean).max() <= 1e-9 + 1e-6 * mean
         if not (uniform and np.isfinite(mean)):
-            raise InputError(
-                "the time axis of an event is not uniform and increasing",
-                remedy="Resample the recording first (Recording.resample)",
-            )
+            problem = "the time axis of an event is not uniform and increasing"
+            raise InputError(problem, remedy="Resample the recording first (Recording.resample)")
         object.__setattr__(self, "time", time)
+
+    def _facts(self) -> dict[str, Any]:
+        facts = {"name": self.name, "time": span(self.time), "start": f"{self.start:g} s"}
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if item.name in facts:
+                continue
+            if isinstance(value, Mapping):
+                facts |= {item.name: listed(value)} if value else {}
+            elif isinstance(value, np.ndarray):
+                facts[item.name] = f"array of shape {value.shape}"
+            elif value != item.default:
+                facts[item.name] = value
+        return facts
 
     @property
     def dt(self) -> float:
@@ -63,21 +75,28 @@ class Event:
         return replace(self, time=self.time[:samples])
 
 
-def _check_signals(signals: Mapping[str, NDArray[np.float64]], time: NDArray[np.float64]) -> None:
-    for name, values in signals.items():
-        if np.shape(values) != time.shape or not np.all(np.isfinite(values)):
-            raise InputError(
-                f"signal {name!r} has shape {np.shape(values)} or holds values that are not finite",
-                allowed=f"{len(time)} finite values",
-            )
+@dataclass(frozen=True)
+class _Driven(Event):
+    """An event that drives a simulator with signals over its time axis."""
 
+    signals: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    initial: Mapping[str, float] = field(default_factory=dict)
 
-def _cut(signals: Mapping[str, NDArray[np.float64]], samples: int) -> dict[str, NDArray[np.float64]]:
-    return {name: np.asarray(values)[:samples] for name, values in signals.items()}
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name, values in self.signals.items():
+            if np.shape(values) != self.time.shape or not np.all(np.isfinite(values)):
+                problem = f"signal {name!r} has shape {np.shape(values)} or holds values that are not finite"
+                raise InputError(problem, allowed=f"{len(self.time)} finite values")
+
+    def first(self, samples: int) -> Self:
+        """Return the event on the first instants of its time axis only, see `Event.first`."""
+        signals = {name: np.asarray(values)[:samples] for name, values in self.signals.items()}
+        return replace(self, time=self.time[:samples], signals=signals)
 
 
 @dataclass(frozen=True)
-class Playback(Event):
+class Playback(_Driven):
     """Measured signals that are injected at the terminal of a device.
 
     Parameters
@@ -86,31 +105,21 @@ class Playback(Event):
         ``"V"`` magnitude in pu and, where recorded, ``"angle"`` in rad; ``"P"`` and ``"Q"`` in pu where the voltage
         behind an impedance is wanted.
     initial : mapping of str to float
-        Pre-event values that the equilibrium is computed from: ``"V"``, ``"P"``, ``"Q"`` in pu.
+        Pre-event values that give the equilibrium: ``"V"``, ``"P"``, ``"Q"`` in pu.
     noise : mapping of str to float
-        Standard deviation of the noise of what was measured of the signals, by name; ``"f"`` where the angle is the
-        integral of a frequency. Empty for signals without noise.
+        Standard deviation of the measurement noise of each signal; ``"f"`` where the angle is the integral of a
+        frequency. Empty for signals without noise.
     age : float
         Seconds that readings may be older than their time stamps, because a meter holds them.
     """
 
-    signals: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
-    initial: Mapping[str, float] = field(default_factory=dict)
     noise: Mapping[str, float] = field(default_factory=dict)
     age: float = 0.0
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _check_signals(self.signals, self.time)
-
-    def first(self, samples: int) -> Self:
-        """Return the event on the first instants of its time axis only, see `Event.first`."""
-        return replace(self, time=self.time[:samples], signals=_cut(self.signals, samples))
-
 
 @dataclass(frozen=True)
-class InputSignal(Event):
-    """Measured inputs of a model, and the state that it starts from.
+class InputSignal(_Driven):
+    """Measured inputs of a model, and its initial state.
 
     Parameters
     ----------
@@ -126,26 +135,15 @@ class InputSignal(Event):
     0.5
     """
 
-    signals: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
-    initial: Mapping[str, float] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _check_signals(self.signals, self.time)
-
-    def first(self, samples: int) -> Self:
-        """Return the event on the first instants of its time axis only, see `Event.first`."""
-        return replace(self, time=self.time[:samples], signals=_cut(self.signals, samples))
-
 
 @dataclass(frozen=True)
 class GridEvent(Event):
-    """A disturbance of a simulated grid; by itself nothing happens.
+    """A disturbance of a simulated grid; this base class changes nothing.
 
     Parameters
     ----------
     level : float
-        Load level before the disturbance: all loads and the active power of all generators are multiplied by it.
+        Factor on all loads and the active power of all generators before the disturbance.
     """
 
     level: float = field(default=1.0, kw_only=True)
@@ -155,18 +153,19 @@ class GridEvent(Event):
         check_real(self.level, "the load level", low=0, above=True, where=self.name)
 
     def changes(self, network: Any) -> tuple[tuple[float, Any], ...]:
-        """Instants in seconds and the grid from each of them on, from the grid before.
+        """Instants in seconds, and the grid from each of them on.
 
         Parameters
         ----------
         network : errorscreen.power.network.Network
+            The grid before the event.
         """
         return ()
 
 
 @dataclass(frozen=True)
 class BusFault(GridEvent):
-    """A symmetrical short circuit at a bus that is cleared by itself.
+    """A symmetrical short circuit at a bus, which is cleared later.
 
     Parameters
     ----------
@@ -176,8 +175,8 @@ class BusFault(GridEvent):
     impedance : complex
         To ground, in pu of the grid's base; 0 is a bolted fault.
     opened : tuple of (int, int, float, str or None)
-        Branches that clearing opens: their buses, the share of the admittance that is taken out of service, and the
-        circuit where there are several.
+        Branches that open when the fault is cleared: their buses, the share of the admittance that goes out of
+        service, and the circuit where there are several.
 
     Examples
     --------
@@ -198,26 +197,24 @@ class BusFault(GridEvent):
             check_real(share, "the opened share", low=0, high=1, where=self.name)
 
     def changes(self, network: Any) -> tuple[tuple[float, Any], ...]:
-        """Grid with the fault, and without it again."""
+        """Grid with the fault, and after it."""
         after = network
         for bus, other, share, circuit in self.opened:
             after = after.with_branch_share(bus, other, 1 - share, circuit)
-        return (
-            (self.start, network.with_fault(self.bus, self.impedance)),
-            (self.start + self.duration, after),
-        )
+        during = network.with_fault(self.bus, self.impedance)
+        return (self.start, during), (self.start + self.duration, after)
 
 
 @dataclass(frozen=True)
 class LineTrip(GridEvent):
-    """A branch that is opened at both ends.
+    """The opening of a branch at both ends.
 
     Parameters
     ----------
     ends : (int, int)
         Its buses.
     circuit : str, optional
-        Which one, where there are several.
+        Name of the circuit where there are several.
 
     Examples
     --------
@@ -235,7 +232,7 @@ class LineTrip(GridEvent):
 
 @dataclass(frozen=True)
 class LoadStep(GridEvent):
-    """Loads that change at once; they are impedances, so the power at the voltage before is meant.
+    """A step of loads, which are impedances, so the factor is that of their power at the voltage before.
 
     Parameters
     ----------
@@ -253,5 +250,5 @@ class LoadStep(GridEvent):
     buses: tuple[int, ...] | None = field(default=None, kw_only=True)
 
     def changes(self, network: Any) -> tuple[tuple[float, Any], ...]:
-        """Grid with the other loads."""
+        """Grid with the changed loads."""
         return ((self.start, network.with_load_scaled(self.factor, self.buses)),)

@@ -1,4 +1,4 @@
-"""Errors and warnings: what is wrong, where, what is allowed, what to do."""
+"""Errors and warnings; their messages say what was found, where, what is allowed and what to do."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from typing import Any
 
 
 class ErrorscreenError(Exception):
-    """Base class of every error that errorscreen raises on purpose; it passes from one process to another."""
+    """Base class of the package's errors; they pass from one process to another."""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # exceptions are usually rebuilt from their text, which is not what the constructors here take
+        # Python would call the constructor with the text, and the constructors here take other arguments
         return _restored, (type(self), self.args, self.__dict__)
 
 
@@ -24,18 +24,18 @@ def _restored(kind: type[ErrorscreenError], args: tuple[Any, ...], state: dict[s
 
 
 class InputError(ErrorscreenError, ValueError):
-    """Something that the user gave cannot be used.
+    """An input of the user cannot be used.
 
     Parameters
     ----------
     what : str
-        What was found, in one sentence without the final full stop.
+        The problem, in one sentence without the final full stop.
     where : str, optional
         File, column, key or argument that holds it.
     allowed : str, optional
-        What would have been accepted.
+        Accepted values.
     remedy : str, optional
-        What to do about it.
+        Advice.
 
     Examples
     --------
@@ -56,11 +56,11 @@ class InputError(ErrorscreenError, ValueError):
 
 
 class SimulationError(ErrorscreenError, RuntimeError):
-    """Too many simulations failed for the result to mean anything."""
+    """Too many simulations failed for a meaningful result."""
 
 
 class MissingExtraError(ErrorscreenError, ImportError):
-    """A part of errorscreen needs a package that is only installed with one of its extras.
+    """A package is missing that one of the extras of errorscreen installs.
 
     Examples
     --------
@@ -73,17 +73,17 @@ class MissingExtraError(ErrorscreenError, ImportError):
 
 
 class DataWarning(UserWarning):
-    """The data were usable only after an assumption that the user should know of."""
+    """The data needed an assumption that the user should know of."""
 
 
 class EngineWarning(UserWarning):
-    """A user's functions could not be compiled and run as Python, which takes some hundred times as long."""
+    """A user's functions cannot be compiled; as Python they take some hundred times as long."""
 
 
 def unknown_name(
     name: str, known: Iterable[str], *, kind: str, where: str | None = None, remedy: str | None = None
 ) -> InputError:
-    """Build the error for a name that nothing carries, with the nearest matches.
+    """Build the error for an unknown name, with the nearest matches.
 
     Examples
     --------
@@ -128,13 +128,11 @@ def check_real(
     Parameters
     ----------
     value : object
-    name : str
+    name, where : str
         For the message.
     low, high : float
     above : bool, default False
         Whether `low` itself is excluded.
-    where : str, optional
-        File, key or argument, for the message.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""How far a simulation is from a measurement, and how good a ranking is."""
+"""Errors of simulations, and quality of rankings."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from errorscreen.exceptions import InputError, check_integer
 
+_Array = NDArray[np.float64]
 EPSILON = 1e-12
 
 
-def quiet_level(y_meas: ArrayLike, time: ArrayLike, start: float) -> NDArray[np.float64]:
+def quiet_level(y_meas: ArrayLike, time: ArrayLike, start: float) -> _Array:
     """Level of each channel before the event: the y_meas(t₀) of equation (23).
 
-    A single sample of a noisy recording would carry its noise into every ratio, so t₀ stands for the whole
-    quiet part: the mean of the measured values before `start`, or the first measured value where nothing was
-    measured before it.
+    The level is the mean of the measured values before `start`, because a single sample would carry its noise into
+    every ratio; the first measured value where there is none before it.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def quiet_level(y_meas: ArrayLike, time: ArrayLike, start: float) -> NDArray[np.
     Returns
     -------
     ndarray of shape (R,)
-        In the channels' units; NaN for a channel without any measured value.
+        In the channels' units; NaN for a channel without a measured value.
 
     Examples
     --------
@@ -61,19 +61,18 @@ def response_error(
     Parameters
     ----------
     y_sim : array-like of shape (..., R, L)
-        Simulated responses; any number of leading dimensions.
+        Simulated.
     y_meas : array-like of shape (R, L)
-        Measured; NaN where nothing was measured, which both sums skip.
+        Measured; both sums skip NaN.
     reference : array-like of shape (R,)
         Level before the event, y_meas(t₀), see `quiet_level`.
     eps : float, default 1e-12
-        ε, in the square of the channel's unit: keeps a channel that never moves finite.
+        ε, in the square of the channel's unit; keeps the error of a constant channel finite.
 
     Returns
     -------
     ndarray of shape (..., R)
-        0 for a perfect simulation, 1 for one that stays at the level before the event; NaN where the
-        simulation failed.
+        0 for a perfect simulation, 1 for a constant one at the level before the event, NaN for a failed one.
 
     Raises
     ------
@@ -99,7 +98,7 @@ def objective(errors: ArrayLike, weights: ArrayLike | None = None) -> NDArray[np
     errors : array-like of shape (..., R)
         E of each channel, see `response_error`.
     weights : array-like of shape (R,), optional
-        λ; 1/R each where not given, which is the paper's 0.5 for two channels.
+        λ; 1/R each where not given, the paper's 0.5 for two channels.
 
     Returns
     -------
@@ -126,10 +125,8 @@ def channel_weights(weights: ArrayLike | None, n_channels: int) -> NDArray[np.fl
         return np.full(n_channels, 1.0 / n_channels)
     values = np.asarray(weights, dtype=float)
     if values.shape != (n_channels,) or not np.all(np.isfinite(values) & (values >= 0)) or not values.any():
-        raise InputError(
-            f"the channel weights are {weights!r}",
-            allowed=f"{n_channels} finite numbers >= 0, one for each channel and not all 0",
-        )
+        allowed = f"{n_channels} finite numbers >= 0, one for each channel and not all 0"
+        raise InputError(f"the channel weights are {weights!r}", allowed=allowed)
     return values
 
 
@@ -145,7 +142,7 @@ def rms(y_sim: ArrayLike, y_meas: ArrayLike) -> NDArray[np.float64]:
     Returns
     -------
     ndarray of shape (..., R)
-        NaN for a channel without any measured value.
+        NaN for a channel without a measured value.
 
     Examples
     --------
@@ -161,7 +158,7 @@ def rms(y_sim: ArrayLike, y_meas: ArrayLike) -> NDArray[np.float64]:
 def chi_square(y_sim: ArrayLike, y_meas: ArrayLike, noise: ArrayLike) -> NDArray[np.float64]:
     r"""Squared error in multiples of the noise: :math:`\chi^2 = \sum ((y_{sim} - y_{meas}) / \sigma_r)^2`.
 
-    Divided by the number of measured values it is about 1 for a simulation that is wrong by noise only.
+    Divided by the number of measured values it is about 1 where noise is the only error.
 
     Parameters
     ----------
@@ -186,7 +183,7 @@ def chi_square(y_sim: ArrayLike, y_meas: ArrayLike, noise: ArrayLike) -> NDArray
 
 
 def reduction(before: ArrayLike, after: ArrayLike) -> NDArray[np.float64]:
-    """Share of an error that is gone: 0.85 where the paper writes -85 %; negative where it grew.
+    """Share of an error that is gone, 0.85 for the paper's -85 %; negative for a larger error.
 
     Examples
     --------
@@ -219,7 +216,7 @@ def ranking(contributions: ArrayLike) -> NDArray[np.int64]:
 
 
 def top_k_overlap(y_true: ArrayLike, y_pred: ArrayLike, k: int = 10) -> float:
-    """Share of the k truly largest contributions that are among the k predicted largest, mean over rows.
+    """Share of the k largest contributions that are among the k largest predicted ones, mean over rows.
 
     Parameters
     ----------
@@ -247,8 +244,8 @@ def top_k_overlap(y_true: ArrayLike, y_pred: ArrayLike, k: int = 10) -> float:
 def ndcg(y_true: ArrayLike, y_pred: ArrayLike, k: int | None = None) -> float:
     """Normalised discounted cumulative gain of predicted contributions, mean over rows.
 
-    1 for a ranking by the true contributions; misses near the top cost most. `sklearn.metrics.ndcg_score`
-    of the true contributions as gains.
+    It is 1 for a ranking by the true contributions, and misses near the top cost most; see
+    `sklearn.metrics.ndcg_score`.
 
     Parameters
     ----------
@@ -273,10 +270,10 @@ def ndcg(y_true: ArrayLike, y_pred: ArrayLike, k: int | None = None) -> float:
 
     true, predicted = _contributions(y_true, y_pred)
     if true.shape[1] < 2 or np.any(true < 0):
-        raise InputError(
-            f"the true contributions have {true.shape[1]} columns and a smallest value of {true.min():g}",
-            allowed="at least two columns, all values >= 0",
+        problem = (
+            f"the true contributions have {true.shape[1]} columns and a smallest value of {true.min():g}"
         )
+        raise InputError(problem, allowed="at least two columns, all values >= 0")
     if k is not None:
         check_integer(k, "k", high=true.shape[1])
     return float(ndcg_score(true, predicted, k=k))
@@ -296,28 +293,23 @@ def ndcg_scorer(k: int | None = None) -> Callable[..., Any]:
     return make_scorer(ndcg, k=k)
 
 
-def _pair(
-    y_sim: ArrayLike, y_meas: ArrayLike
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    """Simulated and measured values as arrays, and where something was measured."""
+def _pair(y_sim: ArrayLike, y_meas: ArrayLike) -> tuple[_Array, _Array, NDArray[np.bool_]]:
+    """Simulated and measured values as arrays, and the mask of the measured ones."""
     sim, meas = np.asarray(y_sim, dtype=float), np.asarray(y_meas, dtype=float)
     if meas.ndim != 2 or sim.shape[-2:] != meas.shape:
-        raise InputError(
-            f"simulated responses of shape {sim.shape} and measured ones of shape {meas.shape} do not fit",
-            allowed="(..., R, L) and (R, L)",
+        problem = (
+            f"simulated responses of shape {sim.shape} and measured ones of shape {meas.shape} do not fit"
         )
+        raise InputError(problem, allowed="(..., R, L) and (R, L)")
     return sim, meas, np.isfinite(meas)
 
 
-def _contributions(y_true: ArrayLike, y_pred: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _contributions(y_true: ArrayLike, y_pred: ArrayLike) -> tuple[_Array, _Array]:
     """Both as (n, m)."""
     true, predicted = (np.atleast_2d(np.asarray(y, dtype=float)) for y in (y_true, y_pred))
     if true.shape != predicted.shape or true.ndim != 2 or not true.size:
-        raise InputError(
-            f"true contributions of shape {true.shape} and predicted ones of shape {predicted.shape} "
-            "do not fit",
-            allowed="two arrays of the same shape (n, m)",
-        )
+        problem = f"true contributions of shape {true.shape} and predicted ones of shape {predicted.shape} do not fit"
+        raise InputError(problem, allowed="two arrays of the same shape (n, m)")
     if not (np.isfinite(true).all() and np.isfinite(predicted).all()):
         raise InputError("a contribution is not finite", remedy="Leave failed rows out (ErrorDataset.valid)")
     return true, predicted

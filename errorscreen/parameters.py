@@ -1,4 +1,4 @@
-"""Parameters of a model: declared once, beside the equation that uses them."""
+"""Parameters of a model, declared beside the equation that uses them."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from errorscreen._runtime.display import LONGEST, shortened
 from errorscreen.exceptions import InputError, unknown_name
 
 if TYPE_CHECKING:
     import pandas as pd
 
-#: What a parameter can be; empty for any number.
+_Array = NDArray[np.float64]
+#: Values that a parameter can have physically; empty for any number.
 DOMAINS = ("", ">= 0", "> 0")
 
 
@@ -27,28 +29,28 @@ class Parameter:
     name : str
         Identifier, unique in its `ParameterSpace`, for example ``"Xd1"``.
     nominal : float
-        Value the model has before calibration, in `unit`.
+        Value before calibration, in `unit`.
     lower, upper : float
-        Allowed range in `unit`; must hold the nominal value.
+        Allowed range in `unit`, with the nominal value in it.
     unit : str, default ""
         ``"pu"``, ``"s"``, ``""`` for a pure number.
     device : str, default ""
         Device the parameter belongs to.
     symbol : str, default ""
-        As it is written in the literature, for example ``"X'd"``; the name where empty.
+        Spelling of the literature, for example ``"X'd"``; the name where empty.
     description : str, default ""
         Meaning in one line.
     scale : float, optional
-        What a deviation is measured against in equation (12); ``abs(nominal)`` where not given, and needed
-        where the nominal value is zero.
+        Denominator of the relative deviation, equation (12); ``abs(nominal)`` where not given. It is needed where
+        the nominal value is zero.
     domain : {"", ">= 0", "> 0"}
-        What the quantity can be physically: any number, a gain, or a time constant, reactance or limit.
+        Any number, a gain, or a time constant, reactance or limit.
 
     Raises
     ------
     InputError
-        If a value is not finite, the range is empty, excludes the nominal value or leaves the domain, or the scale is
-        missing.
+        If a value is not finite or outside of the domain, the range is empty or excludes the nominal value, or the
+        scale is missing.
 
     Examples
     --------
@@ -77,28 +79,23 @@ class Parameter:
                 raise InputError(f"{field} is {value}", where=where, allowed="a finite number")
             object.__setattr__(self, field, value)
             if self.domain and (value < 0 or (value == 0 and self.domain == "> 0")):
-                raise InputError(
-                    f"{field} is {value:g}",
-                    where=where,
-                    allowed=f"a number {self.domain}",
-                    remedy="Correct the value, or narrow the bounds",
-                )
+                allowed, remedy = f"a number {self.domain}", "Correct the value, or narrow the bounds"
+                raise InputError(f"{field} is {value:g}", where=where, allowed=allowed, remedy=remedy)
+        limits = f"the range [{self.lower:g}, {self.upper:g}]"
         if not self.lower < self.upper:
-            raise InputError(
-                f"the range [{self.lower:g}, {self.upper:g}] is empty", where=where, allowed="lower < upper"
-            )
+            raise InputError(f"{limits} is empty", where=where, allowed="lower < upper")
         if not self.lower <= self.nominal <= self.upper:
             raise InputError(
-                f"the range [{self.lower:g}, {self.upper:g}] excludes the nominal value {self.nominal:g}",
+                f"{limits} excludes the nominal value {self.nominal:g}",
                 where=where,
                 allowed="lower <= nominal <= upper",
                 remedy="Widen the range or change the nominal value",
             )
         scale = abs(self.nominal) if self.scale is None else float(self.scale)
         if not (np.isfinite(scale) and scale > 0):
+            values = f"the nominal value is {self.nominal:g} and the scale is {scale:g}"
             raise InputError(
-                f"the nominal value is {self.nominal:g} and the scale is {scale:g}, so a relative deviation "
-                "is undefined",
+                f"{values}, so a relative deviation is undefined",
                 where=where,
                 allowed="a nominal value other than 0, or a positive scale",
                 remedy="Give scale=, the size of a change that matters",
@@ -135,12 +132,11 @@ class ParameterSpace:
     def __init__(self, parameters: Iterable[Parameter]) -> None:
         self._parameters = tuple(parameters)
         names = [p.name for p in self._parameters]
+        self._index = {name: i for i, name in enumerate(names)}
         for name in names:
             if names.count(name) > 1:
-                raise InputError(
-                    f"parameter {name!r} is declared {names.count(name)} times", allowed="unique names"
-                )
-        self._index = {name: i for i, name in enumerate(names)}
+                problem = f"parameter {name!r} is declared {names.count(name)} times"
+                raise InputError(problem, allowed="unique names")
 
     def __len__(self) -> int:
         return len(self._parameters)
@@ -161,7 +157,10 @@ class ParameterSpace:
         return hash(self._parameters)
 
     def __repr__(self) -> str:
-        return f"ParameterSpace({', '.join(self.names)})"
+        return shortened(f"ParameterSpace({', '.join(self.names)}", LONGEST - 1) + ")"
+
+    def _repr_html_(self) -> str:
+        return str(self.to_frame().to_html())
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -169,17 +168,17 @@ class ParameterSpace:
         return tuple(self._index)
 
     @property
-    def nominal(self) -> NDArray[np.float64]:
+    def nominal(self) -> _Array:
         """Nominal values, shape (m,)."""
         return np.array([p.nominal for p in self], dtype=float)
 
     @property
-    def scales(self) -> NDArray[np.float64]:
-        """What deviations are measured against, shape (m,)."""
+    def scales(self) -> _Array:
+        """Denominators of relative deviations, shape (m,)."""
         return np.array([p.scale for p in self], dtype=float)
 
     @property
-    def bounds(self) -> NDArray[np.float64]:
+    def bounds(self) -> _Array:
         """Lower and upper bounds, shape (m, 2)."""
         return np.array([(p.lower, p.upper) for p in self], dtype=float).reshape(len(self), 2)
 
@@ -196,8 +195,7 @@ class ParameterSpace:
     def replace(self, changes: Mapping[str, Mapping[str, float]]) -> ParameterSpace:
         """Return a space in which some fields of some parameters are changed.
 
-        With a new nominal value, a scale that was the size of the old one becomes that of the new one; another scale
-        stays as it is.
+        A scale that is the size of the nominal value follows it.
 
         Examples
         --------
@@ -211,7 +209,7 @@ class ParameterSpace:
         for p in self:
             change = dict(changes.get(p.name, {}))
             if "nominal" in change and "scale" not in change and p.scale == abs(p.nominal):
-                change["scale"] = None  # type: ignore[assignment]  # measured against the new nominal
+                change["scale"] = None  # type: ignore[assignment]  # that of the new nominal value
             out.append(replace(p, **change) if change else p)  # type: ignore[arg-type]
         return ParameterSpace(out)
 
@@ -219,32 +217,30 @@ class ParameterSpace:
         """Return a space with more parameters at the end."""
         return ParameterSpace([*self, *parameters])
 
-    def validate(self, theta: ArrayLike) -> NDArray[np.float64]:
+    def validate(self, theta: ArrayLike) -> _Array:
         """Return `theta` as float64 of shape (n, m); a single vector becomes one row.
+
+        Values outside the bounds are allowed, because bounds belong to the search and not to the simulation.
 
         Raises
         ------
         InputError
-            If the number of columns is not m or a value is not finite. Values outside the bounds are
-            allowed: a bound is a matter of the search, not of the simulation.
+            If the number of columns is not m or a value is not finite.
         """
         # contiguous: NumPy's vector loops may round views with other strides differently
         values = np.ascontiguousarray(np.atleast_2d(np.asarray(theta, dtype=float)))
         if values.ndim != 2 or values.shape[1] != len(self):
-            raise InputError(
-                f"theta has shape {np.shape(theta)}", allowed=f"(n, {len(self)}) or ({len(self)},)"
-            )
+            allowed = f"(n, {len(self)}) or ({len(self)},)"
+            raise InputError(f"theta has shape {np.shape(theta)}", allowed=allowed)
         bad = np.argwhere(~np.isfinite(values))
         if len(bad):
             row, column = bad[0]
-            raise InputError(
-                f"theta[{row}, {column}] ({self.names[column]}) is {values[row, column]}",
-                allowed="finite numbers",
-            )
+            problem = f"theta[{row}, {column}] ({self.names[column]}) is {values[row, column]}"
+            raise InputError(problem, allowed="finite numbers")
         return values
 
-    def embed(self, values: ArrayLike, names: Iterable[str]) -> NDArray[np.float64]:
-        """Full vectors in which the named parameters have `values` and the others are nominal.
+    def embed(self, values: ArrayLike, names: Iterable[str]) -> _Array:
+        """Return full vectors in which the named parameters have `values` and the others are nominal.
 
         Parameters
         ----------
@@ -266,7 +262,7 @@ class ParameterSpace:
         full[:, [self.index(name) for name in names]] = values
         return full
 
-    def deviation(self, theta: ArrayLike) -> NDArray[np.float64]:
+    def deviation(self, theta: ArrayLike) -> _Array:
         r"""Relative deviation, equation (12): :math:`r_j = |(\theta_j - \theta_{j,0}) / \theta_{j,0}|`.
 
         Returns
@@ -279,34 +275,19 @@ class ParameterSpace:
         """Table of all parameters, one row each, indexed by name."""
         import pandas as pd
 
-        columns = ("device", "symbol", "unit", "nominal", "lower", "upper", "scale", "description")
-        return pd.DataFrame(
-            [[getattr(p, c) for c in columns] for p in self],
-            columns=list(columns),
-            index=pd.Index(self.names, name="name"),
-        )
+        columns = ["device", "symbol", "unit", "nominal", "lower", "upper", "scale", "description"]
+        rows = [[getattr(p, c) for c in columns] for p in self]
+        return pd.DataFrame(rows, columns=columns, index=pd.Index(self.names, name="name"))
 
 
-def distinct_rows(theta: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Rows that differ, in the order in which they first appear, and which of them each row is.
+def distinct_rows(theta: _Array) -> tuple[_Array, NDArray[np.int64]]:
+    """Return the different rows of `theta` (n, m) in order of appearance, and for each row (n,) its number there.
 
-    As ``np.unique`` with an axis, which compares rows one entry at a time while it sorts: a search asks thousands of
-    times.
-
-    Parameters
-    ----------
-    theta : ndarray of shape (n, m)
-
-    Returns
-    -------
-    rows : ndarray of shape (r, m)
-    which : ndarray of shape (n,), int
-        ``rows[which]`` is `theta`.
+    Same as ``np.unique`` with an axis, but faster: a search asks thousands of times.
 
     Examples
     --------
-    >>> rows, which = distinct_rows(np.array([[2.0, 1.0], [1.0, 1.0], [2.0, 1.0]]))
-    >>> rows, which
+    >>> distinct_rows(np.array([[2.0, 1.0], [1.0, 1.0], [2.0, 1.0]]))
     (array([[2., 1.],
            [1., 1.]]), array([0, 1, 0]))
     """

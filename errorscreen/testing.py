@@ -1,7 +1,7 @@
-"""Contract checks for simulators, effects, screeners and calibrators, also for a user's own.
+"""Contract checks for simulators, effects, screeners and calibrators, also for those of other packages.
 
-Each check raises `AssertionError` with what is wrong and what to mend. They compare results, so they need a simulator
-that runs in reasonable time, and a recording (or observation) it can be compared with.
+Each check raises `AssertionError`, which says what to mend. The checks simulate and fit several times, so give them a
+simulator and a recording that do not take long.
 """
 
 from __future__ import annotations
@@ -24,20 +24,24 @@ def _require(condition: Any, message: str) -> None:
         raise AssertionError(message)
 
 
+def _require_equal(a: Any, b: Any, message: str) -> None:
+    _require(np.array_equal(a, b, equal_nan=True), message)
+
+
 def check_simulator(simulator: Simulator, n: int = 5, random_state: int = 0) -> None:
-    """Check that a simulator keeps the contract that screening and calibration rely on.
+    """Check what screening and calibration rely on.
 
     Parameters
     ----------
     simulator : Simulator
     n : int
-        Number of random parameter vectors to try.
+        Number of random parameter vectors.
     random_state : int
 
     Raises
     ------
     AssertionError
-        With what to mend.
+        If the simulator breaks the contract.
 
     Examples
     --------
@@ -52,50 +56,33 @@ def check_simulator(simulator: Simulator, n: int = 5, random_state: int = 0) -> 
     _require(
         isinstance(simulator, Simulator), f"{name} must be a subclass of errorscreen.simulators.Simulator"
     )
-    space = simulator.parameters
-    _require(
-        isinstance(space, ParameterSpace) and len(space),
-        f"{name}.parameters must be a non-empty ParameterSpace",
-    )
-    _require(
-        len(simulator.units) == len(simulator.channels) > 0,
-        f"{name}.units must name one unit for each channel",
-    )
+    space, channels = simulator.parameters, simulator.channels
+    some = isinstance(space, ParameterSpace) and len(space)
+    _require(some, f"{name}.parameters must be a non-empty ParameterSpace")
+    _require(len(simulator.units) == len(channels) > 0, f"{name}.units must name one unit for each channel")
     low, high = space.bounds.T
     theta = np.random.default_rng(random_state).uniform(low, high, (n, len(space)))
     theta[0] = space.nominal
     before = theta.copy()
-    responses = simulator.simulate(theta)
-    _require(np.array_equal(theta, before), f"{name}.simulate must not change theta")
-    shape = (n, len(simulator.channels), len(simulator.event.time))
-    _require(
-        responses.values.shape == shape, f"responses have shape {responses.values.shape}, expected {shape}"
-    )
-    _require(responses.values.dtype == np.float64, "responses must be float64")
-    _require(responses.channels == simulator.channels, "responses.channels must be the simulator's channels")
-    _require(np.array_equal(responses.time, simulator.event.time), "responses.time must be event.time")
-    _require(responses.ok[0], f"the nominal parameters must simulate: {responses.failures()}")
-    finite = np.isfinite(responses.values).all(axis=(1, 2))
-    _require(
-        np.array_equal(finite, responses.ok), "rows must be finite where the status is OK, and only there"
-    )
-    _require(np.isnan(responses.values[~responses.ok]).all(), "failed rows must be NaN throughout")
-
-    def same(a: Any, b: Any, message: str) -> None:
-        _require(np.array_equal(a, b, equal_nan=True), message)
-
-    same(simulator.simulate(theta).values, responses.values, "the same call twice must give the same result")
-    same(
-        simulator.simulate(theta[::-1]).values,
-        responses.values[::-1],
-        "a row's result must not depend on its neighbours",
-    )
-    same(
-        simulator.simulate(theta[1]).values[0],
-        responses.values[1],
-        "one vector (m,) must give the same as a row of a batch",
-    )
-    same(copy.deepcopy(simulator).simulate(theta).values, responses.values, "a copy must simulate the same")
+    found = simulator.simulate(theta)
+    values = found.values
+    _require_equal(theta, before, f"{name}.simulate must not change theta")
+    shape = (n, len(channels), len(simulator.event.time))
+    _require(values.shape == shape, f"responses have shape {values.shape}, expected {shape}")
+    _require(values.dtype == np.float64, "responses must be float64")
+    _require(found.channels == channels, "responses.channels must be the simulator's channels")
+    _require_equal(found.time, simulator.event.time, "responses.time must be event.time")
+    _require(found.ok[0], f"the nominal parameters must simulate: {found.failures()}")
+    finite = np.isfinite(values).all(axis=(1, 2))
+    _require_equal(finite, found.ok, "rows must be finite where the status is OK, and only there")
+    _require(np.isnan(values[~found.ok]).all(), "failed rows must be NaN throughout")
+    for rows, again, message in (
+        (theta, values, "the same call twice must give the same result"),
+        (theta[::-1], values[::-1], "a row's result must not depend on its neighbours"),
+        (theta[1], values[1:2], "one vector (m,) must give the same as a row of a batch"),
+    ):
+        _require_equal(simulator.simulate(rows).values, again, message)
+    _require_equal(copy.deepcopy(simulator).simulate(theta).values, values, "a copy must simulate the same")
     for bad in (theta[:, 1:], np.where(np.arange(len(space)) == 0, np.nan, theta)):
         try:
             simulator.simulate(bad)
@@ -107,22 +94,22 @@ def check_simulator(simulator: Simulator, n: int = 5, random_state: int = 0) -> 
 
 
 def check_effect(simulator: Simulator, effect: Effect | str, n: int = 6, random_state: int = 0) -> None:
-    """Check that an effect keeps the contract that discovery relies on.
+    """Check what the search for causes relies on.
 
     Parameters
     ----------
     simulator : Simulator
-        That offers the effect.
+        A simulator that offers the effect.
     effect : Effect or str
-        Or its name.
+        The effect or its name.
     n : int
-        Number of random parameter vectors to try.
+        Number of random parameter vectors.
     random_state : int
 
     Raises
     ------
     AssertionError
-        With what to mend.
+        If the effect breaks the contract.
 
     Examples
     --------
@@ -135,54 +122,42 @@ def check_effect(simulator: Simulator, effect: Effect | str, n: int = 6, random_
     """
     name = effect if isinstance(effect, str) else effect.name
     where = f"effect {name!r}"
-    found = [e for e in simulator.effects if e.name == name]
-    _require(len(found) == 1, f"{where} must be offered by the simulator exactly once (simulator.effects)")
-    effect = found[0]
+    offered = [e for e in simulator.effects if e.name == name]
+    _require(len(offered) == 1, f"{where} must be offered by the simulator exactly once (simulator.effects)")
+    effect = offered[0]
     for field in ("title", "description", "source"):
         _require(getattr(effect, field), f"{where} must have a {field}: reports show it")
-    first = effect.strength
-    _require(
-        first.lower <= 0.0 <= first.upper,
-        f"{where}: the bounds of its strength {first.name!r} must hold 0, where it is the identity",
-    )
+    holds_zero = effect.strength.lower <= 0.0 <= effect.strength.upper
+    _require(holds_zero, f"{where}: the bounds of its strength {effect.strength.name!r} must hold 0")
     extended = simulator.extend(effect)
-    k = len(simulator.parameters)
-    _require(
-        extended.parameters.names[k:] == tuple(effect.local(p.name) for p in effect.parameters),
-        f"{where}: extend must add its parameters behind those of the model, the strength first",
-    )
+    k, names = len(simulator.parameters), tuple(effect.local(p.name) for p in effect.parameters)
+    at_end = extended.parameters.names[k:] == names
+    _require(at_end, f"{where}: extend must add its parameters behind those of the model, the strength first")
     _require(extended.extensions[-1:] == (effect,), f"{where}: extend must list it in extensions")
     _require(len(simulator.parameters) == k, f"{where}: extend must not change the simulator")
-    rng = np.random.default_rng(random_state)
     low, high = extended.parameters.bounds.T
-    theta = rng.uniform(low, high, (n, len(low)))
+    theta = np.random.default_rng(random_state).uniform(low, high, (n, len(low)))
     theta[:, :k] = simulator.parameters.nominal
     theta[0] = extended.parameters.nominal
     off = theta.copy()
     off[:, k] = 0.0
     plain = simulator.simulate(off[:, :k]).values
-    _require(
-        np.array_equal(extended.simulate(off).values, plain, equal_nan=True),
-        f"{where}: at strength 0 responses must be those of the model without it, bit for bit, whatever its other "
-        "parameters are",
+    _require_equal(
+        extended.simulate(off).values,
+        plain,
+        f"{where}: at strength 0 responses must be those of the model without it, bit for bit, for all values of its "
+        "other parameters",
     )
     mixed = extended.simulate(np.concatenate([off, theta])).values
-    _require(
-        np.array_equal(mixed[:n], plain, equal_nan=True),
-        f"{where}: at strength 0 a simulation must not depend on its neighbours",
-    )
-    alive = np.isfinite(mixed[n:]).all(axis=(1, 2))
-    _require(
-        alive.any(), f"{where}: no simulation with it ended well: choose other nominal values and bounds"
-    )
-    _require(
-        np.array_equal(mixed[n:][::-1], extended.simulate(theta[::-1]).values, equal_nan=True),
-        f"{where}: a simulation must not depend on its neighbours",
-    )
+    alone = "a simulation must not depend on its neighbours"
+    _require_equal(mixed[:n], plain, f"{where}: at strength 0 {alone}")
+    alive = np.isfinite(mixed[n:]).all(axis=(1, 2)).any()
+    _require(alive, f"{where}: no simulation with it ended well: choose other nominal values and bounds")
+    _require_equal(mixed[n:][::-1], extended.simulate(theta[::-1]).values, f"{where}: {alone}")
 
 
 def check_screener(screener: Any, recording: Any) -> None:
-    """Check the parameters, the fitted attributes and the determinism of a simulator-backed screener.
+    """Check the parameters, fitted attributes and repeatability of a screener with a simulator.
 
     Parameters
     ----------
@@ -193,32 +168,25 @@ def check_screener(screener: Any, recording: Any) -> None:
     Raises
     ------
     AssertionError
-        With what to mend.
+        If the screener breaks the contract.
     """
     _check_parameters(screener)
-    space = screener.simulator.parameters
+    names = screener.simulator.parameters.names
+    m = len(names)
     fitted = _fit(screener, recording)
-    m = len(space)
-    _require(fitted.contributions_.shape == (m,), "contributions_ must have one value for each parameter")
-    _require(np.all(fitted.contributions_ >= 0), "contributions_ must not be negative, equation (15)")
-    _require(sorted(fitted.ranking_) == list(range(m)), "ranking_ must be a permutation of the parameters")
-    _require(
-        np.all(np.diff(fitted.contributions_[fitted.ranking_]) <= 0),
-        "ranking_ must run from the largest contribution",
-    )
-    _require(
-        fitted.ranked_names_ == tuple(space.names[j] for j in fitted.ranking_),
-        "ranked_names_ must follow ranking_",
-    )
-    _require(fitted.select(1) == fitted.ranked_names_[:1], "select(k) must give the k first names")
-    again = _fit(clone(screener), recording)
-    _require(
-        np.array_equal(again.contributions_, fitted.contributions_), "the same seed must give the same result"
-    )
+    found, order = fitted.contributions_, fitted.ranking_
+    _require(found.shape == (m,), "contributions_ must have one value for each parameter")
+    _require(np.all(found >= 0), "contributions_ must not be negative, equation (15)")
+    _require(sorted(order) == list(range(m)), "ranking_ must be a permutation of the parameters")
+    _require(np.all(np.diff(found[order]) <= 0), "ranking_ must run from the largest contribution")
+    _require(fitted.ranked_names_ == tuple(names[j] for j in order), "ranked_names_ must follow ranking_")
+    _require(fitted.select(1) == fitted.ranked_names_[:1], "select(k) must give the first k names")
+    again = _fit(clone(screener), recording).contributions_
+    _require(np.array_equal(again, found), "the same seed must give the same result")
 
 
 def check_calibrator(calibrator: Any, recording: Any) -> None:
-    """Check the parameters, the fitted attributes and the determinism of a calibrator.
+    """Check the parameters, fitted attributes and repeatability of a calibrator.
 
     Parameters
     ----------
@@ -229,39 +197,32 @@ def check_calibrator(calibrator: Any, recording: Any) -> None:
     Raises
     ------
     AssertionError
-        With what to mend.
+        If the calibrator breaks the contract.
     """
     _check_parameters(calibrator)
     simulator: Simulator = calibrator.simulator
-    before = simulator.parameters
-    fitted = _fit(calibrator, recording)
     space = simulator.parameters
-    _require(space == before, "fit must not change the simulator; the result is simulator_")
+    fitted = _fit(calibrator, recording)
+    theta, names = fitted.theta_, fitted.names_
+    _require(simulator.parameters == space, "fit must not change the simulator; the result is simulator_")
     low, high = space.bounds.T
-    _require(fitted.theta_.shape == (len(space),), "theta_ must have one value for each parameter")
-    _require(np.all((fitted.theta_ >= low) & (fitted.theta_ <= high)), "theta_ must respect the bounds")
-    fixed = [j for j, name in enumerate(space.names) if name not in fitted.names_]
-    _require(
-        np.array_equal(fitted.theta_[fixed], space.nominal[fixed]), "what is not calibrated must stay nominal"
-    )
-    values = [fitted.values_[name] for name in fitted.names_]
-    _require(
-        np.array_equal(values, fitted.theta_[[space.index(n) for n in fitted.names_]]),
-        "values_ must agree with theta_",
-    )
+    _require(theta.shape == (len(space),), "theta_ must have one value for each parameter")
+    _require(np.all((theta >= low) & (theta <= high)), "theta_ must respect the bounds")
+    fixed = [j for j, name in enumerate(space.names) if name not in names]
+    _require(np.array_equal(theta[fixed], space.nominal[fixed]), "other parameters must stay nominal")
+    values = [fitted.values_[name] for name in names]
+    agree = np.array_equal(values, theta[[space.index(name) for name in names]])
+    _require(agree, "values_ must agree with theta_")
     observation = recording if isinstance(recording, Observation) else simulator.observe(recording)
-    expected = simulator.simulate(fitted.theta_, observation.event).values[0]
-    _require(
-        np.array_equal(fitted.predict(observation), expected), "predict must be the simulation at theta_"
-    )
+    expected = simulator.simulate(theta, observation.event).values[0]
+    same = np.array_equal(fitted.predict(observation), expected)
+    _require(same, "predict must be the simulation at theta_")
     nominal = clone(calibrator).set_params(simulator=simulator)
-    nominal._store(_problem(nominal, observation), space.subset(fitted.names_).nominal)
-    _require(
-        fitted.score(observation) >= nominal.score(observation) - 1e-9,
-        "the fit must not be worse than no fit",
-    )
-    again = _fit(clone(calibrator), recording)
-    _require(np.array_equal(again.theta_, fitted.theta_), "the same seed must give the same result")
+    nominal._store(_problem(nominal, observation), space.subset(names).nominal)
+    better = fitted.score(observation) >= nominal.score(observation) - 1e-9
+    _require(better, "the fit must not be worse than no fit")
+    again = _fit(clone(calibrator), recording).theta_
+    _require(np.array_equal(again, theta), "the same seed must give the same result")
 
 
 def _problem(calibrator: Any, observation: Observation) -> Any:
@@ -277,17 +238,13 @@ def _fit(estimator: Any, recording: Any) -> Any:
 
 
 def _check_parameters(estimator: Any) -> None:
-    """Parameters, clone and repr as scikit-learn wants them; validation belongs into fit."""
-    parameters = estimator.get_params(deep=False)
+    """Check parameters, clone and repr as scikit-learn wants them; fit validates."""
     twin = clone(estimator)
-    for name, value in parameters.items():
+    for name, value in estimator.get_params(deep=False).items():
         _require(getattr(estimator, name) is value, f"__init__ must only store {name}")
-        other = twin.get_params(deep=False)[name]
-        _require(type(other) is type(value), f"clone must keep the type of {name}")
-    _require(
-        not [a for a in vars(twin) if a.endswith("_") and not a.startswith("_")],
-        "nothing is fitted before fit",
-    )
+        _require(type(getattr(twin, name)) is type(value), f"clone must keep the type of {name}")
+    fitted = [a for a in vars(twin) if a.endswith("_") and not a.startswith("_")]
+    _require(not fitted, "nothing is fitted before fit")
     _require(type(estimator).__name__ in repr(estimator), "repr must name the class")
     try:
         estimator.set_params(no_such_parameter=1)

@@ -1,4 +1,4 @@
-"""From named columns to a `Recording`, with every assumption and repair written down."""
+"""Recordings from tables of named columns; every assumption and repair becomes a sentence of the recording."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from errorscreen.data.channels import ROLE_UNITS
 from errorscreen.data.preparation import in_window
-from errorscreen.data.recordings import ROLE_UNITS, Recording
+from errorscreen.data.recordings import Recording
 from errorscreen.data.table import Table
 from errorscreen.data.timestamps import order_samples, read_time
 from errorscreen.data.units import Bases, Column, as_column, convert, unwrap
@@ -19,13 +20,13 @@ from errorscreen.exceptions import InputError, check_real
 if TYPE_CHECKING:
     import pandas as pd
 
-Values = dict[str, NDArray[np.float64]]
-#: Readings beyond this are marks of a gap, or end in numbers too large to calculate with.
-_LARGEST = 1e12
-#: Part of its value that a channel must move by; less is rounding, of numbers in single precision for example.
-_LEAST_RANGE = 1e-6
-Window = tuple[float | None, float | None]
+_Array = NDArray[np.float64]
+Values = dict[str, _Array]
 Specs = Mapping[str, Column | str | Mapping[str, Any]]
+#: Larger readings mark a gap, or end in numbers too large to calculate with.
+_LARGEST = 1e12
+#: A channel must move by this part of its value; less is rounding, for example of numbers in single precision.
+_LEAST_RANGE = 1e-6
 
 
 def from_frame(
@@ -38,14 +39,12 @@ def from_frame(
     time: str | None = None,
     time_unit: str = "s",
     name: str = "recording",
-    event_time: float | None = None,
     t_start: float | None = None,
     t_end: float | None = None,
-    noise: Mapping[str, float] | None = None,
-    held: str = "drop",
     missing: Iterable[str] = (),
     on_backward: str = "error",
     max_missing: float = 0.4,
+    **options: Any,
 ) -> Recording:
     """Build a recording from a pandas table.
 
@@ -66,16 +65,16 @@ def from_frame(
     time_unit : {"s", "ms", "us", "min", "h", "iso"}
     name : str
         For messages and reports.
-    event_time, noise, held
-        As in `Recording.from_arrays`.
     t_start, t_end : float, optional
-        First and last instant in seconds that is read; samples outside are as if they were not in the table.
+        First and last instant in seconds that is read; other samples are ignored.
     missing : iterable of str
         Further texts that mark a gap.
     on_backward : {"error", "sort", "drop"}
-        What to do where time runs backwards: refuse, sort, or drop as few samples as possible.
+        Treatment of time that runs backwards: refuse, sort, or drop as few samples as possible.
     max_missing : float
         Largest part of a channel that may be missing.
+    **options
+        `event_time`, `noise` and `held`, as in `Recording.from_arrays`.
 
     Returns
     -------
@@ -84,7 +83,7 @@ def from_frame(
     Raises
     ------
     InputError
-        If something cannot be used; it says what, where, what is allowed, and what to do.
+        If something cannot be used; it says what was found, where, what is allowed, and what to do.
 
     Examples
     --------
@@ -106,83 +105,76 @@ def from_frame(
         cells[header] = frame.index.to_numpy()
     table = Table(cells, range(len(frame)), source, "row")
     return build_recording(
-        table, columns, header, time_unit, Bases(base_mva, base_kv, f_nominal), missing=missing,
-        on_backward=on_backward, max_missing=max_missing, window=(t_start, t_end), name=name, event_time=event_time,
-        noise=noise, held=held,
+        table, columns, base_mva=base_mva, f_nominal=f_nominal, base_kv=base_kv, time=header, time_unit=time_unit,
+        name=name, t_start=t_start, t_end=t_end, missing=missing, on_backward=on_backward, max_missing=max_missing,
+        **options,
     )  # fmt: skip
 
 
 def build_recording(
     table: Table,
     columns: Specs,
-    time: str,
-    time_unit: str,
-    bases: Bases,
     *,
+    base_mva: float,
+    f_nominal: float,
+    base_kv: float | None = None,
+    time: str,
+    time_unit: str = "s",
+    t_start: float | None = None,
+    t_end: float | None = None,
     missing: Iterable[str] = (),
     decimal: str = ".",
     on_backward: str = "error",
     max_missing: float = 0.4,
-    window: Window = (None, None),
     **options: Any,
 ) -> Recording:
-    """Read, order, convert and check the columns of a table; `options` go to `Recording.from_arrays`."""
-    _check_bases(bases, max_missing, table.source)
-    specs = _specs(columns, table.source)
+    """Read, order, convert and check the columns of a table; see `from_frame`."""
+    source, notes = table.source, list[str]()
+    for name, value in (("base_mva", base_mva), ("base_kv", base_kv), ("f_nominal", f_nominal)):
+        if value is not None:
+            check_real(value, name, low=0, above=True, where=source)
+    check_real(max_missing, "max_missing", low=0, high=1, where=source)
+    bases = Bases(base_mva, base_kv, f_nominal)
+    specs = _specs(columns, source)
     if not len(table.rows):
-        raise InputError("there are no samples", where=table.source, allowed="at least two rows of numbers")
-    notes: list[str] = []
+        raise InputError("there are no samples", where=source, allowed="at least two rows of numbers")
     stamps = read_time(table, time, time_unit, notes, decimal)
     headers = dict.fromkeys(h for spec in specs.values() for h in spec.headers)
     numbers = {h: table.numbers(h, missing=missing, decimal=decimal) for h in headers}
     stamps, numbers = order_samples(stamps, numbers, table, time, on_backward, notes)
     if len(stamps) < 2:
-        raise InputError("there is one sample only", where=table.source, allowed="at least two samples")
-    # before anything is concluded from the samples: an event outside the window must not count
-    stamps, numbers = _cut(stamps, numbers, window, table.source, notes)
+        raise InputError("there is one sample only", where=source, allowed="at least two samples")
+    if (t_start, t_end) != (None, None):  # first of all: an event outside the window must not count
+        keep = in_window(stamps, t_start, t_end, where=source)
+        notes.append(f"{np.sum(~keep)} of {len(keep)} samples lie outside the window and were not read.")
+        stamps, numbers = stamps[keep], {h: v[keep] for h, v in numbers.items()}
     values: Values = {}
     given: dict[str, float] = {}
     for role, spec in specs.items():
-        where = f"{table.source}, channel {role!r}"
+        where = f"{source}, channel {role!r}"
         if spec.value is not None:
             given[role] = float(convert(role, np.array([spec.value]), spec, bases, where)[0])
-            notes.append(f"{role} was not measured; it was given as {given[role]:.4g} {_unit(role, spec)}.")
+            unit = ROLE_UNITS.get(role) or spec.unit or ""
+            notes.append(f"{role} was not measured; it was given as {given[role]:.4g} {unit}.")
         else:
             with np.errstate(over="ignore", invalid="ignore"):  # readings too large become gaps in `_checked`
                 values |= _converted(role, [numbers[h] for h in spec.headers], spec, bases, where)
         notes += _meaning(role, spec, bases)
     for role in values:
-        values[role] = _checked(role, values[role], max_missing, table.source, notes)
+        values[role] = _checked(role, values[role], max_missing, source, notes)
     _note_spacing(stamps, notes)
+    own_units = {role: spec.unit for role, spec in specs.items() if spec.unit and role not in ROLE_UNITS}
     return Recording.from_arrays(
         stamps,
         values,
-        base_mva=bases.mva,
-        base_kv=bases.kv,
-        f_nominal=bases.hz,
-        units={role: spec.unit for role, spec in specs.items() if spec.unit and role not in ROLE_UNITS},
+        base_mva=base_mva,
+        base_kv=base_kv,
+        f_nominal=f_nominal,
+        units=own_units,
         given=given,
         assumptions=notes,
         **options,
     )
-
-
-def _cut(
-    time: NDArray[np.float64], values: Values, window: Window, source: str, notes: list[str]
-) -> tuple[NDArray[np.float64], Values]:
-    """Samples within the window."""
-    if window == (None, None):
-        return time, values
-    keep = in_window(time, *window, where=source)
-    notes.append(f"{np.sum(~keep)} of {len(keep)} samples lie outside the window and were not read.")
-    return time[keep], {name: v[keep] for name, v in values.items()}
-
-
-def _check_bases(bases: Bases, max_missing: float, source: str) -> None:
-    for name, value in (("base_mva", bases.mva), ("base_kv", bases.kv), ("f_nominal", bases.hz)):
-        if value is not None:
-            check_real(value, name, low=0, above=True, where=source)
-    check_real(max_missing, "max_missing", low=0, high=1, where=source)
 
 
 def _specs(columns: Specs, source: str) -> dict[str, Column]:
@@ -193,11 +185,8 @@ def _specs(columns: Specs, source: str) -> dict[str, Column]:
     for role, spec in specs.items():
         for header in spec.headers:
             if header in owner:
-                raise InputError(
-                    f"column {header!r} is mapped to {owner[header]!r} and to {role!r}",
-                    where=source,
-                    allowed="one channel for each column",
-                )
+                problem = f"column {header!r} is mapped to {owner[header]!r} and to {role!r}"
+                raise InputError(problem, where=source, allowed="one channel for each column")
             owner[header] = role
     if "angle" in specs and "V" in specs and specs["V"].real is not None:
         raise InputError(
@@ -208,10 +197,8 @@ def _specs(columns: Specs, source: str) -> dict[str, Column]:
     return specs
 
 
-def _converted(
-    role: str, columns: list[NDArray[np.float64]], spec: Column, bases: Bases, where: str
-) -> Values:
-    """Channels that come from the column of a role, or from the two of a phasor."""
+def _converted(role: str, columns: list[_Array], spec: Column, bases: Bases, where: str) -> Values:
+    """Convert the column of a channel, or the two columns of a phasor."""
     if len(columns) == 1:
         return {role: convert(role, columns[0], spec, bases, where)}
     voltage = spec.scale * (columns[0] + 1j * columns[1])
@@ -221,12 +208,8 @@ def _converted(
     }
 
 
-def _unit(role: str, spec: Column) -> str:
-    return ROLE_UNITS.get(role) or spec.unit or ""
-
-
 def _meaning(role: str, spec: Column, bases: Bases) -> list[str]:
-    """What was taken for granted about the numbers of a channel."""
+    """Sentences on the assumed unit, base and sign of a channel."""
     if role not in ROLE_UNITS:
         return []
     notes = []
@@ -243,10 +226,8 @@ def _meaning(role: str, spec: Column, bases: Bases) -> list[str]:
     return notes
 
 
-def _checked(
-    role: str, values: NDArray[np.float64], max_missing: float, source: str, notes: list[str]
-) -> NDArray[np.float64]:
-    """Channel without infinities, with its angle unwrapped, refused if it says nothing."""
+def _checked(role: str, values: _Array, max_missing: float, source: str, notes: list[str]) -> _Array:
+    """Take infinities as gaps, unwrap the angle, and refuse a channel that is empty or constant."""
     where = f"{source}, channel {role!r}"
     endless = np.abs(values) > _LARGEST
     if endless.any():
@@ -280,7 +261,7 @@ def _checked(
     return values
 
 
-def _note_spacing(time: NDArray[np.float64], notes: list[str]) -> None:
+def _note_spacing(time: _Array, notes: list[str]) -> None:
     steps = np.diff(time)
     usual = float(np.median(steps))
     if steps.max() > 1.1 * usual or steps.min() < 0.9 * usual:

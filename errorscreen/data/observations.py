@@ -1,24 +1,34 @@
-"""A recording as one simulator sees it, with all that is uncertain about it."""
+"""A recording on the channels and time grid of one simulator, with its uncertainty."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from errorscreen._runtime.display import Displayed, listed, span
+from errorscreen.data.channels import summary_of
+from errorscreen.data.panels import Curves, plot_curves, with_unit
 from errorscreen.events import Event
+from errorscreen.exceptions import InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
-class Observation:
-    """A recording as one simulator sees it: its channels, on its time grid.
+class Observation(Displayed):
+    """A recording on the channels and time grid of one simulator.
 
     Parameters
     ----------
     event : Event
-        What the simulator has to be driven with to reproduce it; ``event.time`` is the time axis (L,).
+        Input of the simulator; ``event.time`` is the time axis (L,).
     values : ndarray of shape (R, L)
         Measured channels; NaN where nothing was measured.
     noise : ndarray of shape (R,)
@@ -26,18 +36,18 @@ class Observation:
     channels : tuple of str
     units : tuple of str
     assumptions : tuple of str
-        Sentences on what was assumed about the data, for the report.
+        Sentences on assumptions about the data, for the report.
     extra : ndarray of shape (R, L), optional
-        Standard deviation of what the simulator cannot know at single samples, for example because an injected
-        signal is not known between its samples; 0 where not given.
+        Further standard deviation of single samples, for example because an injected signal is not known between
+        its samples; 0 where not given.
     level_std : ndarray of shape (R,), optional
-        Standard error of the level before the event that the simulation starts from; 0 where not given.
+        Standard error of the level before the event, from which a simulation starts; 0 where not given.
     modes : ndarray of shape (K, R, L), optional
-        Slow errors that the noise of injected signals makes behind the dynamics of the model: each mode times an
+        Slow errors that the dynamics of the model make of the noise of injected signals: each mode times an
         independent standard normal number adds to the errors. None where not given.
     propagated : ndarray of shape (R,), optional
-        Energy of what the noise of injected signals makes in the model that `noise`, `extra` and `modes` were estimated
-        with, in squared deviations, see `Simulator.propagated_noise`. None where nothing is injected.
+        Energy of the propagated noise of injected signals in squared deviations, in the model that gave `noise`,
+        `extra` and `modes`; see `Simulator.propagated_noise`. None where nothing is injected.
     """
 
     event: Event
@@ -58,17 +68,17 @@ class Observation:
         return np.hypot(np.asarray(self.noise, dtype=float)[:, None], extra)
 
     def deviations(self, responses: ArrayLike) -> NDArray[np.float64]:
-        r"""Simulated minus measured in multiples of what is uncertain.
+        r"""Simulated minus measured values in multiples of their uncertainty.
 
         A simulation starts from the mean of the quiet part, which is known to `level_std`, so all samples after the
         start of the event share an unknown offset; `modes` are unknown slow errors. The errors e are multiplied by the
         inverse square root of their covariance :math:`\Sigma = \mathrm{diag}(\sigma^2) + B B^T` with the offsets and
-        modes as columns of B, which has the closed form
+        modes as columns of B. In closed form
 
         .. math:: z = \frac{e}{\sigma} - U \Big(I - (I + S^2)^{-1/2}\Big) U^T \frac{e}{\sigma},
            \quad \frac{B}{\sigma} = U S V^T
 
-        so that the sum of squares of z is χ² and about the number of measured values for a right simulation.
+        The sum of squares of z is χ², for a right simulation about the number of measured values.
 
         Parameters
         ----------
@@ -100,7 +110,7 @@ class Observation:
 
     @cached_property
     def _shared(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Orthonormal directions (R L, K) of what samples share, and by how much errors along them are shrunk (K,)."""
+        """Orthonormal directions (R L, K) of errors that samples share, and the shrinkage along each of them (K,)."""
         columns = [] if self.modes is None else list(np.asarray(self.modes, dtype=float))
         if self.level_std is not None:
             after = self.time >= self.event.start - 1e-9
@@ -116,9 +126,9 @@ class Observation:
         return U, 1.0 - 1.0 / np.sqrt(1.0 + S**2)
 
     def first(self, samples: int) -> Observation:
-        """Return what was observed at the first instants of the time axis only, each time the same object.
+        """Return the observation at the first instants of the time axis, each time the same object.
 
-        A search fits many models to the same parts, and what is prepared for one of them is then there for all.
+        A search fits many models to the same part, and they share the prepared arrays of that object.
 
         Parameters
         ----------
@@ -139,7 +149,7 @@ class Observation:
                 values=self.values[:, :samples],
                 extra=None if self.extra is None else self.extra[:, :samples],
                 modes=None if self.modes is None else np.asarray(self.modes)[..., :samples],
-                propagated=None,  # that of the whole
+                propagated=None,  # known for the whole only
             )
             self._first.setdefault(samples, part)  # another thread may have been first
         return self._first[samples]
@@ -147,6 +157,49 @@ class Observation:
     @cached_property
     def _first(self) -> dict[int, Observation]:
         return {}
+
+    def _facts(self) -> dict[str, Any]:
+        return {
+            "event": f"{self.event.name} ({type(self.event).__name__})",
+            "channels": listed(self.channels),
+            "time": span(self.time),
+            "start": f"{self.event.start:g} s",
+            "readings": f"{self.mask.sum()} of {self.mask.size}",
+        }
+
+    def summary(self) -> str:
+        """Say what was observed and what was assumed about it."""
+        channels = zip(self.channels, self.units, self.values, self.noise, strict=True)
+        return summary_of(f"Observation of {self.event.name}", self._facts(), channels, self.assumptions)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Table of the measured channels, indexed by time in seconds."""
+        import pandas as pd
+
+        return pd.DataFrame(self.values.T, pd.Index(self.time, name="time"), list(self.channels))
+
+    def plot(
+        self, responses: Mapping[str, ArrayLike] | None = None, *, window: tuple[float, float] | None = None
+    ) -> Figure:
+        """Draw the measured channels and simulations of them, see `errorscreen.plotting.plot_responses`."""
+        measured = np.asarray(self.mask.any(axis=1))
+        return plot_curves(self.labels(measured), [self.curves(responses or {}, measured)], window)
+
+    def labels(self, rows: NDArray[np.bool_]) -> list[str]:
+        """Return the axis labels of some channels, which a mask (R,) selects."""
+        return [with_unit(self.channels[r], self.units[r]) for r in np.flatnonzero(rows)]
+
+    def curves(self, responses: Mapping[str, ArrayLike], rows: NDArray[np.bool_]) -> Curves:
+        """Return what a figure shows of some channels, which a mask (R,) selects, and of responses (R, L)."""
+        if not rows.any():
+            raise InputError("no channel was measured", where=self.event.name, allowed="at least one value")
+        simulated = {label: np.asarray(values, dtype=float) for label, values in responses.items()}
+        for label, values in simulated.items():
+            if values.shape != self.values.shape:
+                problem = f"response {label!r} has shape {values.shape}"
+                raise InputError(problem, allowed=f"{self.values.shape}")
+        simulated = {label: values[rows] for label, values in simulated.items()}
+        return Curves(self.time, self.values[rows], self.event.start, simulated, self.event.name)
 
     @property
     def time(self) -> NDArray[np.float64]:

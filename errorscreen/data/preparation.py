@@ -1,4 +1,4 @@
-"""What a recording has to know before it can be used: its event, its quiet part, held readings, noise."""
+"""Event, quiet part, held readings and noise of a new recording."""
 
 from __future__ import annotations
 
@@ -10,15 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen.data import signals
-from errorscreen.exceptions import DataWarning, InputError, unknown_name
+from errorscreen.exceptions import DataWarning, InputError
 
-#: In pu: what moves less is no event.
+_Array = NDArray[np.float64]
+#: In pu: a smaller move is no event.
 LEAST_MOVE = 0.002
-#: Part of a channel's largest excursion that it may move before a stated event.
+#: Part of its largest excursion by which a channel may move before a stated event.
 CLEAR_MOVE = 0.2
-#: Samples after the start of the event, below which there is no response to compare with.
+#: Least number of samples after the start of the event; fewer are no response.
 MIN_AFTER = 5
-#: In pu: what is plausible before an event.
+#: In pu: plausible voltages before an event.
 PLAUSIBLE_V = (0.5, 1.5)
 
 
@@ -26,53 +27,25 @@ class Doubt(str):
     """An assumption about a recording that a wrong unit, base or sign would explain."""
 
 
-def check_extras(
-    values: Mapping[str, object], noise: Mapping[str, float], given: Mapping[str, float], where: str
-) -> None:
-    """Raise `InputError` where the noise of no channel is known, or a measured channel is also given."""
-    for name in noise:
-        if name not in values:
-            raise unknown_name(name, values, kind="channel", where=f"{where}, noise")
-    for name in given:
-        if name in values:
-            raise InputError(f"{name!r} is measured and given", where=where, allowed="one of them")
-
-
-def in_window(
-    time: NDArray[np.float64], start: float | None, stop: float | None, where: str
-) -> NDArray[np.bool_]:
-    """Which samples lie from `start` to `stop` seconds, both included; an end that is None is open.
-
-    Examples
-    --------
-    >>> in_window(np.arange(5.0), 1.0, 3.0, "recording")
-    array([False,  True,  True,  True, False])
-    """
+def in_window(time: _Array, start: float | None, stop: float | None, where: str) -> NDArray[np.bool_]:
+    """Mask of the samples from `start` to `stop` seconds, both included; an end that is None is open."""
     first, last = float(time[0]), float(time[-1])
     start, stop = first if start is None else start, last if stop is None else stop
     keep = (time >= start) & (time <= stop)
     if keep.sum() < 2:
-        raise InputError(
-            f"the window from {start:g} to {stop:g} s holds {int(keep.sum())} samples",
-            where=where,
-            allowed=f"a window within {first:g} to {last:g} s",
-        )
+        problem = f"the window from {start:g} to {stop:g} s holds {int(keep.sum())} samples"
+        raise InputError(problem, where=where, allowed=f"a window within {first:g} to {last:g} s")
     return keep
 
 
 def find_event(
-    time: NDArray[np.float64],
-    values: Mapping[str, NDArray[np.float64]],
-    stated: float | None,
-    notes: list[str],
-    where: str,
+    time: _Array, values: Mapping[str, _Array], stated: float | None, notes: list[str], where: str
 ) -> float:
-    """The stated event time, or the one detected from V, P and Q (from all channels if there are none)."""
+    """Return the stated event time, or detect it from V, P and Q, or from all channels without these."""
     if stated is not None:
         if not time[0] < stated <= time[-1]:
-            raise InputError(
-                f"event_time is {stated:g} s", where=where, allowed=f"{time[0]:g} to {time[-1]:g} s"
-            )
+            allowed = f"{time[0]:g} to {time[-1]:g} s"
+            raise InputError(f"event_time is {stated:g} s", where=where, allowed=allowed)
         return float(stated)
     watched = {k: v for k, v in values.items() if k in ("V", "P", "Q")} or values
     start = signals.detect_event(time, watched, least=LEAST_MOVE, where=where)
@@ -83,8 +56,8 @@ def find_event(
     return start
 
 
-def quiet_part(time: NDArray[np.float64], start: float, where: str) -> tuple[float, float]:
-    """All samples before the event but the last two, or the last twentieth: filters run ahead of it."""
+def quiet_part(time: _Array, start: float, where: str) -> tuple[float, float]:
+    """First and last instant before the event, less two samples or a twentieth, because filters run ahead."""
     before = time[time < start]
     guard = max(2, int(np.ceil(0.05 * len(before))))
     if len(before) - guard < signals.MIN_QUIET:
@@ -98,16 +71,11 @@ def quiet_part(time: NDArray[np.float64], start: float, where: str) -> tuple[flo
 
 
 def check_rest(
-    time: NDArray[np.float64],
-    values: Mapping[str, NDArray[np.float64]],
-    quiet: tuple[float, float],
-    notes: list[str],
-    where: str,
+    time: _Array, values: Mapping[str, _Array], quiet: tuple[float, float], notes: list[str], where: str
 ) -> None:
-    """Refuse a quiet part in which a channel moves like in an event, and warn where it moves clearly.
+    """Look for an earlier event in the quiet part: warn of a small one, and refuse one above `CLEAR_MOVE`.
 
-    The event that would be detected if none was stated must not begin there. A small one may be a switching or ambient
-    swing; one of `CLEAR_MOVE` of the channel's largest excursion is an event of its own.
+    A small one may be a switching or an ambient swing.
     """
     for name in (k for k in ("V", "P", "Q") if k in values):
         keep = np.isfinite(values[name])
@@ -132,8 +100,8 @@ def check_rest(
         warnings.warn(f"{where}: {notes[-1]}", DataWarning, stacklevel=3)
 
 
-def check_response(time: NDArray[np.float64], start: float, where: str) -> None:
-    """Refuse a recording that ends with its event: nothing could be compared."""
+def check_response(time: _Array, start: float, where: str) -> None:
+    """Refuse a recording that ends with its event."""
     after = int(np.sum(time >= start))
     if after < MIN_AFTER:
         raise InputError(
@@ -144,15 +112,10 @@ def check_response(time: NDArray[np.float64], start: float, where: str) -> None:
         )
 
 
-def treat_held(
-    time: NDArray[np.float64], values: dict[str, NDArray[np.float64]], held: str, notes: list[str]
-) -> dict[str, float]:
+def treat_held(time: _Array, values: dict[str, _Array], held: str, notes: list[str]) -> dict[str, float]:
     """Replace stale repeats of held channels by NaN, in place, unless `held` is ``"keep"``.
 
-    Returns
-    -------
-    dict of str to float
-        Of each held channel for how many seconds the meter holds a reading.
+    The result is the number of seconds for which the meter holds a reading, by channel.
     """
     ages = {}
     for name, array in values.items():
@@ -173,60 +136,55 @@ def treat_held(
 
 def channel_noise(
     name: str,
-    time: NDArray[np.float64],
-    values: NDArray[np.float64],
+    time: _Array,
+    values: _Array,
     quiet: tuple[float, float],
     known: Mapping[str, float],
     unit: str,
     notes: list[str],
     where: str,
 ) -> float:
-    """The known noise of a channel, or the one estimated from the quiet part."""
+    """Return the known noise of a channel, or estimate it from the quiet part."""
     if name in known:
         notes.append(f"The noise of {name} was given as {known[name]:g}.")
         return float(known[name])
     noise = signals.estimate_noise(time, values, quiet, where=f"{where}, channel {name!r}")
     part = (time >= quiet[0]) & (time <= quiet[1])
     if signals.scatter(time[part], values[part]) < noise:
+        size = f"{noise:.2g} {unit}".rstrip()
         notes.append(
-            f"{name} scatters less before the event than it can resolve, so its noise was set to its "
-            f"resolution, {noise:.2g} {unit}".rstrip()
-            + "."
+            f"{name} scatters less before the event than it can resolve, "
+            f"so its noise was set to its resolution, {size}."
         )
     return noise
 
 
-def noise_of_signal(
-    name: str, time: NDArray[np.float64], values: NDArray[np.float64], start: float
-) -> tuple[float, str]:
-    r"""Noise of a channel of which only `start`, the end of its rest, is known, and how it was estimated.
+def noise_of_signal(name: str, time: _Array, values: _Array, start: float) -> tuple[float, str]:
+    r"""Estimate the noise of a channel that rests before `start`, and say how.
 
-    With at least `errorscreen.data.signals.MIN_QUIET` readings at rest, from their scatter.
-    Else white noise of variance
-    :math:`\sigma^2` has k-th differences of variance :math:`\binom{2k}{k}\sigma^2`, while a slow signal has none;
+    The scatter of at least `errorscreen.data.signals.MIN_QUIET` readings at rest gives it. With fewer, differences do:
+    the k-th ones of white noise have the variance :math:`\binom{2k}{k}\sigma^2`, those of a slow signal vanish, and
     the smallest estimate of the orders 2 to 8 counts.
     """
     known = np.isfinite(values)
     quiet = known & (time < start)
     if quiet.sum() >= signals.MIN_QUIET:
-        return (
-            signals.estimate_noise(time, values, (float(time[quiet][0]), float(time[quiet][-1]))),
-            f"The noise of {name} was estimated from what lies before {start:g} s.",
-        )
+        noise = signals.estimate_noise(time, values, (float(time[quiet][0]), float(time[quiet][-1])))
+        return noise, f"The noise of {name} was estimated from the part before {start:g} s."
     readings = values[known]
     orders = [k for k in range(2, 9) if len(readings) > 3 * k]
     estimates = [np.std(np.diff(readings, k)) / np.sqrt(comb(2 * k, k)) for k in orders]
     noise = max(float(min(estimates, default=0.0)), signals.noise_floor(readings))
     return noise, (
-        f"The noise of {name} was taken as {noise:.2g}, from differences between readings: too much if it moves fast. "
-        "Errors below the noise are not seen, so state it where it is known."
+        f"The noise of {name} was taken as {noise:.2g}, from differences between readings; a fast signal gives too "
+        "much. Errors below the noise are not seen, so state the noise where it is known."
     )
 
 
 def warn_implausible(V: float, where: str) -> list[str]:
-    """Sentences, also warned of, on a voltage before the event that a wrong unit or base would explain.
+    """Warn of a voltage before the event that suggests a wrong unit or base.
 
-    What power is plausible depends on whose it is: a line of a grid carries many times the base.
+    No power is implausible: a line of a grid carries many times the base.
     """
     if PLAUSIBLE_V[0] <= V <= PLAUSIBLE_V[1]:
         return []

@@ -1,51 +1,29 @@
-"""Measured channels: names, units, time base, gaps, noise and what was assumed about them."""
+"""Recordings: measured channels over time, with bases, event, noise and assumptions."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from errorscreen._runtime.display import Displayed, listed, span
 from errorscreen.data import preparation, resampling, signals
+from errorscreen.data.channels import ROLE_UNITS, Channel, channel_arrays, check_axes, summary_of
+from errorscreen.data.panels import Curves, plot_curves, with_unit
 from errorscreen.exceptions import InputError, unknown_name
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
-#: Units of the channels whose meaning is fixed by their name.
-ROLE_UNITS = {"V": "pu", "angle": "rad", "f": "Hz", "P": "pu", "Q": "pu"}
-
-
-@dataclass(frozen=True, eq=False)
-class Channel:
-    """One measured channel.
-
-    Parameters
-    ----------
-    name : str
-        ``"V"`` (magnitude, pu), ``"angle"`` (rad, unwrapped, in a frame that turns at the nominal frequency),
-        ``"f"`` (Hz), ``"P"``, ``"Q"`` (pu on the recording's base, generation positive), or any other name.
-    values : ndarray of shape (L,)
-        NaN where nothing was measured.
-    unit : str
-    noise : float
-        Standard deviation of the measurement noise, in `unit`; positive.
-    age : float
-        Seconds that a reading may be older than its time stamp, because the meter holds it.
-    """
-
-    name: str
-    values: NDArray[np.float64]
-    unit: str
-    noise: float
-    age: float = 0.0
+_Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class Recording(Displayed):
     """A recorded disturbance of one plant, built by `from_arrays`, `errorscreen.data.read_csv` or `from_frame`.
 
     Parameters
@@ -65,9 +43,9 @@ class Recording:
     base_kv : float, optional
         Base of V, line to line.
     given : mapping of str to float
-        Pre-event values that are stated and not measured, for example ``{"P": 0.54}``.
+        Pre-event values that were not measured, for example ``{"P": 0.54}``.
     assumptions : tuple of str
-        Sentences on what was assumed or repaired, for the report.
+        Sentences on assumptions and repairs, for the report.
 
     Raises
     ------
@@ -89,15 +67,11 @@ class Recording:
 
     def __post_init__(self) -> None:
         where = f"recording {self.name!r}"
-        _check_axes(self.time, {name: c.values for name, c in self.channels.items()}, where)
-        positive = {"base_mva": self.base_mva, "f_nominal": self.f_nominal}
-        if self.base_kv is not None:
-            positive["base_kv"] = self.base_kv
-        for what, value in {
-            **positive,
-            **{f"the noise of {k}": c.noise for k, c in self.channels.items()},
-        }.items():
-            if not (np.isfinite(value) and value > 0):
+        check_axes(self.time, {name: c.values for name, c in self.channels.items()}, where)
+        positive = {"base_mva": self.base_mva, "f_nominal": self.f_nominal, "base_kv": self.base_kv}
+        positive |= {f"the noise of {name}": c.noise for name, c in self.channels.items()}
+        for what, value in positive.items():
+            if value is not None and not (np.isfinite(value) and value > 0):
                 raise InputError(f"{what} is {value}", where=where, allowed="a positive number")
 
     @classmethod
@@ -134,16 +108,16 @@ class Recording:
         noise : mapping of str to float, optional
             Known standard deviations; the others are estimated from the quiet part.
         held : {"drop", "keep"}
-            What to do with stale repeats of a meter that updates less often than it is read: leave only new
-            readings, or keep the staircase.
+            Treatment of a meter that updates less often than it is read: leave only new readings, or keep the
+            repeated ones.
         assumptions : iterable of str
             Sentences to begin with.
 
         Raises
         ------
         InputError
-            As `Recording`, and if there is no quiet part or no event to be found, the channels move before the
-            stated event as they do in one, or the recording ends with the event.
+            As `Recording`, and if no event or no quiet part is found, an earlier event precedes the stated one, or
+            the recording ends with the event.
 
         Warns
         -----
@@ -160,13 +134,10 @@ class Recording:
         (1.017, 0.8, 0.001)
         """
         where = f"recording {name!r}"
-        t = np.array(time, dtype=float)
-        arrays = {key: np.array(v, dtype=float) for key, v in values.items()}
-        _check_axes(t, arrays, where)
+        noise, given, units, notes = noise or {}, dict(given or {}), units or {}, list(assumptions)
+        t, arrays = channel_arrays(time, values, noise, given, where)
         if held not in ("drop", "keep"):
             raise unknown_name(str(held), ("drop", "keep"), kind="value of held", where=where)
-        preparation.check_extras(arrays, noise or {}, given or {}, where)
-        notes = list(assumptions)
         start = preparation.find_event(t, arrays, event_time, notes, where)
         ages = preparation.treat_held(t, arrays, held, notes)
         quiet = preparation.quiet_part(t, start, where)
@@ -175,11 +146,11 @@ class Recording:
             preparation.check_rest(t, arrays, quiet, notes, where)
         channels = {}
         for key, v in arrays.items():
-            unit = ROLE_UNITS.get(key) or (units or {}).get(key, "")
-            sigma = preparation.channel_noise(key, t, v, quiet, noise or {}, unit, notes, where)
+            unit = ROLE_UNITS.get(key) or units.get(key, "")
+            sigma = preparation.channel_noise(key, t, v, quiet, noise, unit, notes, where)
             channels[key] = Channel(key, v, unit, sigma, ages.get(key, 0.0))
-        recording = cls(name, t, channels, base_mva, f_nominal, start, quiet, base_kv, dict(given or {}))
-        if "V" in channels or "V" in recording.given:
+        recording = cls(name, t, channels, base_mva, f_nominal, start, quiet, base_kv, given)
+        if "V" in channels or "V" in given:
             notes += preparation.warn_implausible(recording.initial(["V"])["V"], where)
         return replace(recording, assumptions=tuple(notes))
 
@@ -194,7 +165,7 @@ class Recording:
         noise: Mapping[str, float] | None = None,
         event_time: float | None = None,
     ) -> Recording:
-        """Build a recording of any system: nothing is assumed about bases, a quiet part or what happened.
+        """Build a recording of any system, without bases and with no need of a quiet part or an event.
 
         Parameters
         ----------
@@ -205,10 +176,10 @@ class Recording:
         name : str
         units : mapping of str to str, optional
         noise : mapping of str to float, optional
-            Known standard deviations. The others are estimated: from what lies before `event_time` where that is given,
-            else from third differences, which is too much for a signal that changes fast from sample to sample.
+            Known standard deviations. The others are estimated from the part before `event_time`, or else from
+            differences between readings, which overestimate the noise of a fast signal.
         event_time : float, optional
-            Before it everything is at rest. Where not given there is no such part.
+            Everything is at rest before it. Where not given there is no such part.
 
         Raises
         ------
@@ -222,23 +193,20 @@ class Recording:
         >>> rec.channel("x").unit, rec.event_time
         ('m', 0.0)
         """
-        where = f"recording {name!r}"
-        t = np.array(time, dtype=float)
-        arrays = {key: np.array(v, dtype=float) for key, v in values.items()}
-        _check_axes(t, arrays, where)
-        preparation.check_extras(arrays, noise or {}, {}, where)
+        where, noise = f"recording {name!r}", noise or {}
+        t, arrays = channel_arrays(time, values, noise, {}, where)
         start = float(t[0]) if event_time is None else float(event_time)
         if not t[0] <= start < t[-1]:
-            raise InputError(
-                f"the event is at {start:g} s", where=where, allowed=f"from {t[0]:g} s to before {t[-1]:g} s"
-            )
-        quiet, notes, channels = (float(t[0]), start), [], {}
+            allowed = f"from {t[0]:g} s to before {t[-1]:g} s"
+            raise InputError(f"the event is at {start:g} s", where=where, allowed=allowed)
+        notes, channels = [], {}
         for key, v in arrays.items():
-            sigma = (noise or {}).get(key)
+            sigma = noise.get(key)
             if sigma is None:
                 sigma, note = preparation.noise_of_signal(key, t, v, start)
                 notes.append(note)
             channels[key] = Channel(key, v, (units or {}).get(key, ""), float(sigma))
+        quiet = (float(t[0]), start)
         return cls(name, t, channels, 1.0, 50.0, start, quiet, assumptions=tuple(notes))
 
     @property
@@ -260,8 +228,7 @@ class Recording:
         InputError
             If a channel is neither measured before the event nor given.
         """
-        part = (self.time >= self.quiet[0]) & (self.time <= self.quiet[1])
-        means = {}
+        part, means = self._is_quiet(self.time), {}
         for name in names:
             if name in self.given and name not in self.channels:
                 means[name] = float(self.given[name])
@@ -276,11 +243,14 @@ class Recording:
             means[name] = float(np.nanmean(quiet))
         return means
 
-    def window(self, start: float | None = None, stop: float | None = None) -> Recording:
-        """Cut to the samples from `start` to `stop` seconds, both included; event and noise stay as they are.
+    def _is_quiet(self, time: NDArray[np.float64]) -> NDArray[np.bool_]:
+        return (time >= self.quiet[0]) & (time <= self.quiet[1])
 
-        To leave an earlier event out, give `t_start` to the function that reads the recording: the event and the
-        noise are then taken from what is left.
+    def window(self, start: float | None = None, stop: float | None = None) -> Recording:
+        """Cut to the samples from `start` to `stop` seconds, both included; event and noise stay the same.
+
+        To leave out an earlier event, give `t_start` to the function that reads the recording. It then takes event
+        and noise from the remaining samples.
 
         Raises
         ------
@@ -291,7 +261,7 @@ class Recording:
         keep = preparation.in_window(self.time, start, stop, where)
         time = self.time[keep]
         quiet = (max(self.quiet[0], float(time[0])), self.quiet[1])
-        left = int(np.sum((time >= quiet[0]) & (time <= quiet[1])))
+        left = int(np.sum(self._is_quiet(time)))
         if left < signals.MIN_QUIET:
             raise InputError(
                 f"the window leaves {left} quiet samples before the event at {self.event_time:g} s",
@@ -311,14 +281,14 @@ class Recording:
         shift: Mapping[str, float] | None = None,
         max_gap: float | None = None,
     ) -> Recording:
-        """Bring all channels onto one grid; a time shift is applied before, so that it need not fit the grid.
+        """Bring all channels onto one time grid; time shifts come first, so they need not fit the grid.
 
         Parameters
         ----------
         dt : float, optional
             Step in seconds of a uniform grid over all samples; their median distance where not given.
         time : array-like of shape (K,), optional
-            The grid itself, instead of `dt`.
+            Instants of the grid in seconds, instead of `dt`.
         shift : mapping of str to float, optional
             Seconds added to the time stamps of a channel, negative for one that is late.
         max_gap : float, optional
@@ -339,30 +309,23 @@ class Recording:
         else:
             grid = np.array(time, dtype=float)
         notes = [f"The time stamps of {k} were shifted by {s:g} s." for k, s in shift.items() if s]
-        channels = {
-            name: self._resampled(channel, grid, shift.get(name, 0.0), max_gap, notes)
-            for name, channel in self.channels.items()
-        }
+        channels = {}
+        for name, channel in self.channels.items():
+            source = self.time + shift.get(name, 0.0)
+            channels[name] = self._resampled(channel, source, grid, max_gap, notes)
         quiet = (self.quiet[0] + late, self.quiet[1] + early)  # quiet for shifted and other channels alike
-        return replace(
-            self, time=grid, channels=channels, quiet=quiet, assumptions=(*self.assumptions, *notes)
-        )
+        notes = [*self.assumptions, *notes]
+        return replace(self, time=grid, channels=channels, quiet=quiet, assumptions=tuple(notes))
 
     def _resampled(
-        self,
-        channel: Channel,
-        grid: NDArray[np.float64],
-        shift: float,
-        max_gap: float | None,
-        notes: list[str],
+        self, channel: Channel, source: _Array, grid: _Array, max_gap: float | None, notes: list[str]
     ) -> Channel:
-        source = self.time + shift
         values = resampling.interpolate(source, channel.values, grid, max_gap=max_gap)
         noise, step = channel.noise, float(np.median(np.diff(grid)))
         if resampling.low_pass_needed(step, resampling.spacing(source, channel.values)):
             notes.append(f"{channel.name} was low-pass filtered before it was sampled every {step:g} s.")
-            quiet = (grid >= self.quiet[0]) & (grid <= self.quiet[1])
-            if np.isfinite(values[quiet]).sum() >= signals.MIN_QUIET:  # the filter took part of the noise
+            readings = np.isfinite(values[self._is_quiet(grid)]).sum()
+            if readings >= signals.MIN_QUIET:  # the filter took part of the noise
                 noise = min(noise, signals.estimate_noise(grid, values, self.quiet))
         return replace(channel, values=values, noise=noise)
 
@@ -374,16 +337,50 @@ class Recording:
             {name: c.values for name, c in self.channels.items()}, index=pd.Index(self.time, name="time")
         )
 
+    def summary(self) -> str:
+        """Say what was recorded and what was assumed about it.
 
-def _check_axes(time: NDArray[np.float64], values: Mapping[str, NDArray[np.float64]], where: str) -> None:
-    if time.ndim != 1 or len(time) < 2:
-        raise InputError(f"the time axis has shape {time.shape}", where=where, allowed="two samples or more")
-    if not (np.isfinite(time).all() and (np.diff(time) > 0).all()):
-        raise InputError("the time axis is not finite and strictly increasing", where=where)
-    if not values:
-        raise InputError("there is no channel", where=where, allowed="at least one, for example 'P'")
-    for name, array in values.items():
-        if array.shape != time.shape:
-            raise InputError(
-                f"channel {name!r} has shape {array.shape}", where=where, allowed=f"{time.shape}"
-            )
+        Examples
+        --------
+        >>> t = np.arange(0, 4, 0.02)
+        >>> values = {"P": np.where(t < 1, 0.8, 0.6)}
+        >>> rec = Recording.from_arrays(t, values, base_mva=50, f_nominal=50, name="trip")
+        >>> print(rec.summary())
+        Recording trip
+        time   200 samples from 0 to 3.98 s
+        event  1 s
+        quiet  0 to 0.92 s
+        base   50 MVA, 50 Hz
+        <BLANKLINE>
+        channel  unit  lowest  highest  noise    readings
+        P        pu    0.6     0.8      0.05774  200
+        <BLANKLINE>
+        - The event was taken to begin at 1 s, where the first of P leaves its quiet band.
+        - P scatters less before the event than it can resolve, so its noise was set to its resolution, 0.058 pu.
+        """
+        channels = ((c.name, c.unit, c.values, c.noise) for c in self.channels.values())
+        return summary_of(f"Recording {self.name}", self._facts(), channels, self.assumptions)
+
+    def plot(self, *, window: tuple[float, float] | None = None) -> Figure:
+        """Draw all channels, one panel each, with the event marked.
+
+        Parameters
+        ----------
+        window : (float, float), optional
+            First and last instant in seconds; all where not given.
+        """
+        labels = [with_unit(channel.name, channel.unit) for channel in self.channels.values()]
+        measured = np.array([channel.values for channel in self.channels.values()])
+        return plot_curves(labels, [Curves(self.time, measured, self.event_time)], window)
+
+    def _facts(self) -> dict[str, Any]:
+        kv = f"{self.base_kv:g} kV, " if self.base_kv else ""
+        facts = {
+            "name": self.name,
+            "channels": listed(self.names),
+            "time": span(self.time),
+            "event": f"{self.event_time:g} s",
+            "quiet": f"{self.quiet[0]:g} to {self.quiet[1]:g} s",
+            "base": f"{self.base_mva:g} MVA, {kv}{self.f_nominal:g} Hz",
+        }
+        return facts | ({"given": listed(self.given)} if self.given else {})

@@ -1,4 +1,4 @@
-"""From irregular readings with gaps to a time grid: interpolation, low-pass filter, gaps that stay gaps."""
+"""Interpolation of irregular readings onto a time grid, with a low-pass filter and without bridging long gaps."""
 
 from __future__ import annotations
 
@@ -8,24 +8,16 @@ from scipy.ndimage import gaussian_filter1d
 
 from errorscreen.exceptions import InputError
 
-#: A gap is interpolated if it is at most this many times the usual distance between readings.
+#: Longest gap that is interpolated, in multiples of the usual distance between readings.
 SHORT_GAP = 5.0
-#: A grid that is coarser than this many readings is low-pass filtered first.
+#: A grid coarser than this many readings needs a low-pass filter.
 COARSE = 2.0
-#: Instants of a grid and steps of a simulation beyond which a unit or a step is wrong rather than a recording long.
+#: Largest number of instants of a grid and of steps of a simulation; more suggest a wrong unit or step.
 MAX_STEPS = 1_000_000
 
 
 def check_steps(span: float, step: float, where: str) -> None:
-    """Raise `InputError` if `span` seconds hold more than `MAX_STEPS` steps of `step` seconds.
-
-    Examples
-    --------
-    >>> check_steps(6.0, 1e-9, "simulation.step")
-    Traceback (most recent call last):
-    errorscreen.exceptions.InputError: simulation.step: 6 s in steps of 1e-09 s are 6e+09 steps. Allowed: at most
-    1e+06, here from 6e-06 s on. Choose a longer step or a shorter window, and check the unit of the time stamps.
-    """
+    """Raise `InputError` if `span` seconds take more than `MAX_STEPS` steps of `step` seconds."""
     if span > step * MAX_STEPS:
         raise InputError(
             f"{span:g} s in steps of {step:g} s are {span / step:.3g} steps",
@@ -36,57 +28,36 @@ def check_steps(span: float, step: float, where: str) -> None:
 
 
 def spacing(time: ArrayLike, values: ArrayLike) -> float:
-    """Median distance between readings that are not NaN, in seconds.
-
-    Examples
-    --------
-    >>> spacing([0.0, 0.5, 1.0, 1.5, 2.0], [1.0, 2.0, np.nan, 2.0, 1.0])
-    0.5
-    """
+    """Median distance between readings that are not NaN, in seconds."""
     readings = np.asarray(time, dtype=float)[np.isfinite(np.asarray(values, dtype=float))]
     return float(np.median(np.diff(readings))) if len(readings) > 1 else float("inf")
 
 
 def uniform_grid(start: float, stop: float, dt: float) -> NDArray[np.float64]:
-    """Instants ``start, start + dt, ...`` up to and including `stop`, in seconds.
-
-    Raises
-    ------
-    InputError
-        If `dt` is not positive, no two instants fit or more than `MAX_STEPS`.
-
-    Examples
-    --------
-    >>> uniform_grid(0.0, 0.3, 0.1)
-    array([0. , 0.1, 0.2, 0.3])
-    """
+    """Instants ``start, start + dt, ...`` up to and including `stop`, in seconds."""
     if not (np.isfinite(dt) and dt > 0):
         raise InputError(f"the step is {dt} s", where="dt", allowed="a positive number of seconds")
     check_steps(stop - start, dt, "dt")
     count = int(np.floor((stop - start) / dt + 1e-6)) + 1
     if count < 2:
-        raise InputError(
-            f"a step of {dt:g} s leaves fewer than two instants between {start:g} and {stop:g} s",
-            where="dt",
-            allowed=f"less than {max(stop - start, 0.0):g} s",
-        )
+        problem = f"a step of {dt:g} s leaves fewer than two instants between {start:g} and {stop:g} s"
+        raise InputError(problem, where="dt", allowed=f"less than {max(stop - start, 0.0):g} s")
     return float(start) + float(dt) * np.arange(count, dtype=float)
 
 
 def low_pass_needed(step: float, distance: float) -> bool:
-    """True if a grid of `step` seconds is so much coarser than the readings that it would alias."""
+    """Whether a grid of `step` seconds is so coarse that faster content of the readings would fold back."""
     return bool(step > COARSE * distance)
 
 
 def interpolate(
     time: ArrayLike, values: ArrayLike, grid: ArrayLike, *, max_gap: float | None = None
 ) -> NDArray[np.float64]:
-    """Bring readings onto a grid.
+    """Bring readings onto a grid by linear interpolation.
 
-    Between readings the value is interpolated linearly. A gap longer than `max_gap` stays NaN, and so does
-    everything before the first and after the last reading. If the grid is coarser than two readings, the
-    signal passes a Gaussian low-pass of half a grid step first (a factor 0.29 at the grid's Nyquist
-    frequency, no delay and no overshoot), so that faster content does not fold back.
+    A gap longer than `max_gap` stays NaN, and so does the time before the first and after the last reading. For a grid
+    coarser than two readings the signal first passes a Gaussian low-pass of half a grid step (a factor 0.29 at the
+    grid's Nyquist frequency, no delay and no overshoot), so that faster content does not fold back.
 
     Parameters
     ----------
@@ -95,8 +66,7 @@ def interpolate(
     grid : array-like of shape (K,)
         Seconds, increasing.
     max_gap : float, optional
-        Longest distance between readings that is bridged, in seconds; five times their median distance where
-        not given.
+        Longest gap that is interpolated, in seconds; five times the median distance of readings where not given.
 
     Returns
     -------
@@ -129,7 +99,7 @@ def interpolate(
 def _smoothed(
     t: NDArray[np.float64], x: NDArray[np.float64], step: float, distance: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Signal on a uniform grid as fine as the readings, after the low-pass of half a `step`."""
+    """Return a uniform grid as fine as the readings, and the signal on it after the low-pass of half a `step`."""
     fine = step / np.ceil(step / distance)
     source = t[0] + fine * np.arange(int(np.ceil((t[-1] - t[0]) / fine)) + 1)
     return source, gaussian_filter1d(np.interp(source, t, x), 0.5 * step / fine, mode="nearest")

@@ -1,4 +1,4 @@
-"""What a measured signal says about itself: noise, quantisation, held values, where the event begins."""
+"""Noise, quantisation, held readings and the start of the event, from a measured signal alone."""
 
 from __future__ import annotations
 
@@ -9,16 +9,22 @@ from numpy.typing import ArrayLike, NDArray
 
 from errorscreen.exceptions import InputError
 
-#: Samples that a quiet part must have; fewer say nothing about scatter.
+_Array = NDArray[np.float64]
+#: Least number of samples of a quiet part; fewer say nothing about scatter.
 MIN_QUIET = 5
 #: No instrument resolves less than this part of its largest reading (accuracy classes are 1e-3 and worse).
 RESOLUTION = 1e-5
+#: The quiet band has the half width of so many standard deviations of the noise, and of this part of the channel's
+#: largest excursion (99th percentile), so that drift, rounding and the precursors of a filter do not count.
+_SIGMAS, _FRACTION = 6.0, 0.05
+#: Readings in a row that must lie outside the band, so that a single spike does not count.
+_PERSIST = 3
 
 
 def quantisation_step(values: ArrayLike) -> float:
     """Smallest distance between two different readings, 0 where all readings agree.
 
-    Distances under 1e-9 of the largest reading are rounding of the arithmetic, not of the instrument.
+    Distances under 1e-9 of the largest reading are rounding of the arithmetic and do not count.
 
     Examples
     --------
@@ -35,9 +41,9 @@ def quantisation_step(values: ArrayLike) -> float:
 
 
 def noise_floor(values: ArrayLike, step: float | None = None) -> float:
-    r"""Least noise that a channel can have, in its unit: :math:`q/\sqrt{12}` of its quantisation step q.
+    r"""Least noise of a channel, in its unit: :math:`q/\sqrt{12}` of its quantisation step q.
 
-    Never under `RESOLUTION` of the largest reading, so that it is positive for every channel.
+    It is at least `RESOLUTION` of the largest reading, and so positive for every channel.
 
     Examples
     --------
@@ -54,9 +60,8 @@ def noise_floor(values: ArrayLike, step: float | None = None) -> float:
 def scatter(time: ArrayLike, values: ArrayLike) -> float:
     """Standard deviation about a slow trend, in the unit of the values.
 
-    The trend is a parabola (a line under 30 samples, a mean under 10), fitted twice: readings that lie more
-    than five robust deviations (and three quantisation steps) off the first fit are spikes and left out of
-    the second.
+    The trend is a parabola (a line under 30 samples, a mean under 10). The second of two fits leaves out spikes,
+    which lie more than five robust deviations and three quantisation steps off the first.
 
     Examples
     --------
@@ -87,7 +92,7 @@ def correlation_time(*rows: ArrayLike) -> float:
 
     .. math:: \tau = 1 + 2 \sum_{l \ge 1} \rho_l
 
-    summed up to the first lag whose correlation is not positive: n samples tell as much as n / τ independent ones.
+    summed up to the first correlation that is not positive. n samples tell as much as n / τ independent ones.
 
     Parameters
     ----------
@@ -97,7 +102,7 @@ def correlation_time(*rows: ArrayLike) -> float:
     Returns
     -------
     float
-        At least 1; 1 for white noise, and where there is nothing to tell from.
+        At least 1; 1 for white noise and for too few values.
 
     Examples
     --------
@@ -135,8 +140,8 @@ def estimate_noise(
     Returns
     -------
     float
-        `scatter` of the quiet part, but at least `noise_floor` of the channel: a reading that does not move
-        because the meter holds or rounds it is not free of noise.
+        `scatter` of the quiet part, but at least `noise_floor` of the channel: a held or rounded reading does not
+        move but is not free of noise.
 
     Raises
     ------
@@ -160,7 +165,7 @@ def estimate_noise(
             allowed=f"at least {MIN_QUIET} readings before the event",
             remedy="Use a recording that starts earlier, or give event_time and the noise of each channel",
         )
-    # where the quiet part shows no second reading, the steps of the event have to tell the resolution
+    # a quiet part of equal readings does not show the resolution, but the event does
     step = quantisation_step(x[part]) or quantisation_step(x)
     return max(scatter(t[part], x[part]), noise_floor(x, step))
 
@@ -168,8 +173,7 @@ def estimate_noise(
 def hold_length(values: ArrayLike) -> int:
     """Number of samples over which a meter holds each reading; 1 where every sample is a new reading.
 
-    A channel that rests also repeats its reading, so only samples across which the signal clearly moves
-    count: where a held signal moves, its readings still come in runs.
+    A channel at rest also repeats its reading, so only the parts in which the signal clearly moves count.
 
     Examples
     --------
@@ -183,17 +187,17 @@ def hold_length(values: ArrayLike) -> int:
     starts = np.flatnonzero(np.r_[True, np.diff(x) != 0])
     lengths, jumps = np.diff(np.r_[starts, len(x)]), np.abs(np.diff(x[starts], prepend=x[0], append=x[-1]))
     clear = 10 * quantisation_step(x)
-    # a run counts if the signal jumps clearly at both of its ends: it did not rest there
+    # only runs with a clear jump at both ends: the signal did not rest there
     moving = (jumps[:-1] > clear) & (jumps[1:] > clear)
     repeated = lengths[moving & (lengths > 1)]
-    # a meter that is read a little faster than it updates repeats only some readings
+    # a meter that is read slightly faster than it updates repeats only some readings
     if len(repeated) < max(3, 0.25 * moving.sum()):
         return 1
     return round(float(np.median(repeated)))
 
 
 def drop_held(values: ArrayLike, hold: int) -> NDArray[np.float64]:
-    """Replace stale repeats by NaN: of each run of equal readings only every `hold`-th stays.
+    """Replace stale repeats by NaN: every `hold`-th of each run of equal readings stays.
 
     Examples
     --------
@@ -209,16 +213,12 @@ def drop_held(values: ArrayLike, hold: int) -> NDArray[np.float64]:
 
 
 def detect_event(
-    time: ArrayLike,
-    channels: Mapping[str, ArrayLike],
-    *,
-    n_sigma: float = 6.0,
-    fraction: float = 0.05,
-    least: float = 0.0,
-    persist: int = 3,
-    where: str | None = None,
+    time: ArrayLike, channels: Mapping[str, ArrayLike], *, least: float = 0.0, where: str | None = None
 ) -> float:
-    """Find the instant at which the first channel leaves its quiet band for good.
+    """Find the instant at which the first channel leaves its quiet band.
+
+    The band lies about the initial median. Its half width is the largest of six standard deviations of the noise, 5 %
+    of the channel's largest excursion, and `least`. Three readings in a row must lie outside.
 
     Parameters
     ----------
@@ -226,12 +226,8 @@ def detect_event(
         Seconds, increasing.
     channels : mapping of str to array-like of shape (L,)
         Readings with NaN for gaps.
-    n_sigma, fraction, least : float
-        Half width of the band about the initial median: the largest of `n_sigma` standard deviations of the
-        noise, `fraction` of the channel's largest excursion (99th percentile), and `least` in the channels'
-        unit, so that drift, rounding and the precursors of a filter do not count.
-    persist : int
-        Readings in a row that must lie outside, so that a single spike does not count.
+    least : float
+        Least half width of the band in the channels' unit.
     where : str, optional
         For the message.
 
@@ -252,45 +248,39 @@ def detect_event(
     1.0
     """
     t = np.asarray(time, dtype=float)
+    arrays = {name: np.asarray(values, dtype=float) for name, values in channels.items()}
     onsets: dict[str, tuple[float, bool]] = {}
-    for name, values in channels.items():
-        x = np.asarray(values, dtype=float)
+    for name, x in arrays.items():
         keep = np.isfinite(x)
-        first = first_departure(
-            t[keep], x[keep], n_sigma=n_sigma, fraction=fraction, least=least, persist=persist
-        )
+        first = first_departure(t[keep], x[keep], least=least)
         if first is not None:
             onsets[name] = (float(t[keep][first]), _rests(t[keep], x[keep], first))
-    if not onsets:
-        for name, values in channels.items():
-            if _moves_at_once(np.asarray(values, dtype=float), least):
-                raise _no_quiet_part(name, where)
+    if onsets:
+        moving: str | None = min(onsets, key=lambda name: onsets[name][0])
+        start, rests = onsets[str(moving)]
+        if rests:
+            return start
+    else:
+        moving = next((name for name, x in arrays.items() if _moves_at_once(x, least)), None)
+    if moving:
         raise InputError(
-            f"no event was found: {', '.join(channels) or 'no channel'} never leaves its quiet band",
+            f"there is no quiet part: {moving!r} moves from its first reading on",
             where=where,
-            remedy="Give event_time, or check that the recording starts before the event",
+            allowed=f"at least {MIN_QUIET} readings before the event",
+            remedy="Use a recording that starts before the event, or give event_time",
         )
-    earliest = min(onsets, key=lambda name: onsets[name][0])
-    start, rests = onsets[earliest]
-    if not rests:
-        raise _no_quiet_part(earliest, where)
-    return start
-
-
-def _no_quiet_part(name: str, where: str | None) -> InputError:
-    return InputError(
-        f"there is no quiet part: {name!r} moves from its first reading on",
+    raise InputError(
+        f"no event was found: {', '.join(channels) or 'no channel'} never leaves its quiet band",
         where=where,
-        allowed=f"at least {MIN_QUIET} readings before the event",
-        remedy="Use a recording that starts before the event, or give event_time",
+        remedy="Give event_time, or check that the recording starts before the event",
     )
 
 
-def _moves_at_once(values: NDArray[np.float64], least: float) -> bool:
-    """True if the signal leaves its first three readings while the quiet band is still drawn from what follows.
+def _moves_at_once(values: _Array, least: float) -> bool:
+    """Whether the signal leaves its first three readings while the quiet band is still drawn from later ones.
 
-    Clearly, that is by a fifth of its largest excursion and six times the noise, which differences of neighbours tell
-    even where there is no quiet part.
+    It must do so by a fifth of its largest excursion and six times the noise, which differences of neighbours show
+    without a quiet part.
     """
     x = values[np.isfinite(values)]
     if len(x) < 2 * MIN_QUIET:
@@ -301,8 +291,8 @@ def _moves_at_once(values: NDArray[np.float64], least: float) -> bool:
     return bool((np.convolve(outside[: 2 * MIN_QUIET + 3], np.ones(3), mode="valid") == 3).any())
 
 
-def _rests(t: NDArray[np.float64], x: NDArray[np.float64], first: int) -> bool:
-    """True if the readings before `first` neither start outside the band nor drift by a fifth of the event."""
+def _rests(t: _Array, x: _Array, first: int) -> bool:
+    """Whether the readings before `first` start inside the band and drift by less than a fifth of the event."""
     if first < 2:
         return False
     head, sigma = x[:first], scatter(t[:first], x[:first])
@@ -311,42 +301,18 @@ def _rests(t: NDArray[np.float64], x: NDArray[np.float64], first: int) -> bool:
     return drift - 3 * sigma * float(np.sqrt(12 / first)) < 0.2 * excursion  # less the drift of mere noise
 
 
-def first_departure(
-    time: ArrayLike,
-    values: ArrayLike,
-    *,
-    n_sigma: float = 6.0,
-    fraction: float = 0.05,
-    least: float = 0.0,
-    persist: int = 3,
-) -> int | None:
-    """Index of the first of `persist` readings in a row outside the quiet band; None if there is none.
-
-    Parameters
-    ----------
-    time, values : array-like of shape (L,)
-        Without gaps.
-    n_sigma, fraction, least, persist
-        As in `detect_event`.
-
-    Examples
-    --------
-    >>> t = np.arange(100) / 50
-    >>> first_departure(t, np.where(t < 1.0, 1.0, 0.7)), first_departure(t, np.ones(100))
-    (50, None)
-    """
+def first_departure(time: ArrayLike, values: ArrayLike, *, least: float = 0.0) -> int | None:
+    """Index of the first reading outside the quiet band of `detect_event`, without gaps; None if there is none."""
     t, x = np.asarray(time, dtype=float), np.asarray(values, dtype=float)
     if len(x) < 2 * MIN_QUIET:
         return None
     size = max(2 * MIN_QUIET, min(len(x) // 10, 20), len(x) // 100)
     first = None
     for _ in range(5):  # the band is drawn again from all readings before the instant it found
-        centre = float(np.median(x[:size]))
-        distance = np.abs(x - centre)
-        band = max(
-            n_sigma * scatter(t[:size], x[:size]), fraction * float(np.percentile(distance, 99)), least
-        )
-        runs = np.convolve(distance > band, np.ones(persist, dtype=int), mode="valid") == persist
+        distance = np.abs(x - float(np.median(x[:size])))
+        widest = _FRACTION * float(np.percentile(distance, 99))
+        outside = distance > max(_SIGMAS * scatter(t[:size], x[:size]), widest, least)
+        runs = np.convolve(outside, np.ones(_PERSIST, dtype=int), mode="valid") == _PERSIST
         found = int(np.argmax(runs)) if runs.any() else None
         if found is None or found == first or found == 0:
             return found

@@ -1,4 +1,4 @@
-"""Columns of text or numbers before they are a recording: finding them, reading numbers, naming places."""
+"""Columns of text or numbers from a file or a table: finding them, reading numbers, naming cells."""
 
 from __future__ import annotations
 
@@ -22,16 +22,9 @@ MISSING = (
 
 @dataclass(frozen=True)
 class Table:
-    """Columns by header, each of the same number of rows, with the place of each row in its source.
+    """Columns by header, each with the same number of rows, and the number of each row in its source.
 
-    Parameters
-    ----------
-    columns : mapping of str to sequence
-        Text, numbers or time stamps.
-    rows : sequence of int
-        Number of each row in the source, for messages.
-    source, row_word : str
-        For example ``"file rec.csv"`` and ``"line"``.
+    `source` and `row_word` are for messages, for example ``"file rec.csv"`` and ``"line"``.
     """
 
     columns: Mapping[str, Any]
@@ -52,13 +45,7 @@ class Table:
     def numbers(
         self, header: str, *, missing: Iterable[str] = (), decimal: str = ".", remedy: str | None = None
     ) -> NDArray[np.float64]:
-        """Numbers of a column, NaN for gaps.
-
-        Raises
-        ------
-        InputError
-            If a cell holds a text that is neither a number nor marks a gap.
-        """
+        """Numbers of a column, NaN for gaps; other texts are refused."""
         cells = pd.Series(list(self.column(header)))
         if pd.api.types.is_numeric_dtype(cells):
             return cells.to_numpy(dtype=float, na_value=np.nan)
@@ -70,14 +57,14 @@ class Table:
         if len(wrong):
             found = str(text[int(wrong[0])])
             more = f" ({len(wrong)} such cells)" if len(wrong) > 1 else ""
-            comma = re.fullmatch(r"[+-]?\d+,\d+([eE][+-]?\d+)?", found)
+            remedy = remedy or "Correct the cell, or add its text to missing if it marks a gap"
+            if re.fullmatch(r"[+-]?\d+,\d+([eE][+-]?\d+)?", found):
+                remedy = "Give decimal=',' for numbers with a decimal comma"
+            marks = ", ".join(text or "empty" for text in MISSING)
             raise InputError(
                 f"{found!r} is not a number{more}",
                 where=self.place(int(wrong[0]), header),
-                allowed="numbers with a decimal point, or a mark of a gap: "
-                + ", ".join(t or "empty" for t in MISSING),
-                remedy="Give decimal=',' for numbers with a decimal comma"
-                if comma
-                else remedy or "Correct the cell, or add its text to missing if it marks a gap",
+                allowed=f"numbers with a decimal point, or a mark of a gap: {marks}",
+                remedy=remedy,
             )
         return np.where(gap, np.nan, numbers)

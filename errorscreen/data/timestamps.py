@@ -1,4 +1,4 @@
-"""Time stamps: units and ISO texts, backward jumps, duplicates."""
+"""Units, order and duplicates of time stamps."""
 
 from __future__ import annotations
 
@@ -16,22 +16,18 @@ from errorscreen.exceptions import DataWarning, InputError, unknown_name
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0}
 TIME_UNITS = (*_SECONDS, "iso")
 ON_BACKWARD = ("error", "sort", "drop")
-#: More differing readings at equal stamps than this mean that the stamps are too coarse.
+#: Largest part of stamps with several different readings; more mean that the stamps are too coarse.
 _DUPLICATES = 0.1
-#: Seconds, 3000 years. Stamps beyond have another unit, and too few digits are left for fractions of a second.
+#: Seconds, 3000 years. Later stamps have another unit, and too few digits for fractions of a second.
 _LATEST = 1e11
+_ISO = "ISO 8601, for example 2024-05-01T12:00:00.25Z"
 
-Values = dict[str, NDArray[np.float64]]
+_Array = NDArray[np.float64]
+Values = dict[str, _Array]
 
 
-def read_time(table: Table, header: str, unit: str, notes: list[str], decimal: str) -> NDArray[np.float64]:
-    """Time stamps in seconds; ISO 8601 stamps count from the first one.
-
-    Raises
-    ------
-    InputError
-        If the unit is unknown, or a stamp is missing, lies beyond any date or cannot be read.
-    """
+def read_time(table: Table, header: str, unit: str, notes: list[str], decimal: str) -> _Array:
+    """Read time stamps in seconds; ISO 8601 stamps count from the first one."""
     if unit not in TIME_UNITS:
         raise unknown_name(unit, TIME_UNITS, kind="time unit", where=table.source)
     if unit == "iso":
@@ -57,50 +53,28 @@ def read_time(table: Table, header: str, unit: str, notes: list[str], decimal: s
     return time
 
 
-def _read_iso(table: Table, header: str, notes: list[str]) -> NDArray[np.float64]:
+def _read_iso(table: Table, header: str, notes: list[str]) -> _Array:
     cells = pd.Series(list(table.column(header)))
     if pd.api.types.is_numeric_dtype(cells):
-        raise InputError(
-            "numbers were found where dates were announced",
-            where=table.place(0, header),
-            allowed="ISO 8601, for example 2024-05-01T12:00:00.25Z",
-            remedy="Give time_unit='s' or 'ms' for numbers",
-        )
+        problem, remedy = "numbers were found instead of dates", "Give time_unit='s' or 'ms' for numbers"
+        raise InputError(problem, where=table.place(0, header), allowed=_ISO, remedy=remedy)
     stamps = pd.to_datetime(cells, format="ISO8601", utc=True, errors="coerce")
     wrong = np.flatnonzero(stamps.isna())
     if len(wrong):
-        raise InputError(
-            f"{cells[int(wrong[0])]!r} is no time stamp",
-            where=table.place(int(wrong[0]), header),
-            allowed="ISO 8601, for example 2024-05-01T12:00:00.25Z",
-        )
+        problem = f"{cells[int(wrong[0])]!r} is no time stamp"
+        raise InputError(problem, where=table.place(int(wrong[0]), header), allowed=_ISO)
     first = stamps.min()
     notes.append(f"Time 0 is {first.isoformat()}.")
     return np.asarray((stamps - first).dt.total_seconds(), dtype=np.float64)
 
 
 def order_samples(
-    time: NDArray[np.float64], values: Values, table: Table, header: str, on_backward: str, notes: list[str]
-) -> tuple[NDArray[np.float64], Values]:
-    """Samples in strictly increasing time.
+    time: _Array, values: Values, table: Table, header: str, on_backward: str, notes: list[str]
+) -> tuple[_Array, Values]:
+    """Bring samples into strictly increasing time, and write a note on each repair.
 
-    Parameters
-    ----------
-    time : ndarray of shape (L,)
-    values : dict of str to ndarray of shape (L,)
-    table, header
-        For messages.
-    on_backward : {"error", "sort", "drop"}
-        What to do where time runs backwards: refuse, sort the samples by time, or drop as few samples as make
-        the others increase.
-    notes : list of str
-        Receives a sentence for each repair.
-
-    Raises
-    ------
-    InputError
-        If time runs backwards and `on_backward` is ``"error"``, or more than a tenth of the samples are
-        differing readings at equal stamps.
+    Where time runs backwards, `on_backward` is ``"error"``, ``"sort"`` by time, or ``"drop"`` as few samples as
+    possible. More than a tenth of stamps with several different readings are refused.
     """
     if on_backward not in ON_BACKWARD:
         raise unknown_name(str(on_backward), ON_BACKWARD, kind="value of on_backward", where=table.source)
@@ -115,23 +89,15 @@ def order_samples(
                 remedy="Give on_backward='sort' for shuffled rows, or 'drop' for single wrong stamps",
             )
         keep = np.argsort(time, kind="stable") if on_backward == "sort" else longest_increasing(time)
-        notes.append(
-            f"Time ran backwards {len(back)} times; the samples were sorted by time."
-            if on_backward == "sort"
-            else f"Time ran backwards {len(back)} times; {len(time) - len(keep)} samples were dropped."
-        )
+        dropped = f"{len(time) - len(keep)} samples were dropped"
+        repair = "the samples were sorted by time" if on_backward == "sort" else dropped
+        notes.append(f"Time ran backwards {len(back)} times; {repair}.")
         time, values = time[keep], {name: v[keep] for name, v in values.items()}
     return _merge_duplicates(time, values, table, header, notes)
 
 
-def longest_increasing(time: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Indices of the longest part of `time` that never decreases.
-
-    Examples
-    --------
-    >>> longest_increasing(np.array([0.0, 0.1, 9.0, 0.2, 0.3]))
-    array([0, 1, 3, 4])
-    """
+def longest_increasing(time: _Array) -> NDArray[np.int64]:
+    """Indices of the longest selection of `time` that never decreases."""
     tails: list[float] = []  # last value of the best part of each length (patience sorting)
     where: list[int] = []
     previous = np.full(len(time), -1)
@@ -148,8 +114,8 @@ def longest_increasing(time: NDArray[np.float64]) -> NDArray[np.int64]:
 
 
 def _merge_duplicates(
-    time: NDArray[np.float64], values: Values, table: Table, header: str, notes: list[str]
-) -> tuple[NDArray[np.float64], Values]:
+    time: _Array, values: Values, table: Table, header: str, notes: list[str]
+) -> tuple[_Array, Values]:
     unique, count = np.unique(time, return_counts=True)
     if len(unique) == len(time):
         return time, values
@@ -167,11 +133,10 @@ def _merge_duplicates(
     if same:
         notes.append(f"{same} time stamps occurred several times with equal readings; one of each was kept.")
     if differing:
-        note = (
+        notes.append(
             f"{differing} time stamps occurred several times with different readings; their mean was taken."
         )
-        notes.append(note)
-        warnings.warn(f"{table.source}: {note}", DataWarning, stacklevel=2)
+        warnings.warn(f"{table.source}: {notes[-1]}", DataWarning, stacklevel=2)
     mean, first_known, kinds = frame.mean(), frame.first(), frame.nunique()
     merged = {n: np.where(kinds[n] > 1, mean[n], first_known[n]) for n in values}
     return unique, merged

@@ -1,4 +1,4 @@
-"""Units, bases and signs of recorded columns, and their way into the units of `errorscreen.data.recordings.Channel`."""
+"""Units, bases and signs of recorded columns, and their conversion to the units of `Channel`."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from errorscreen.data.recordings import ROLE_UNITS
+from errorscreen.data.channels import ROLE_UNITS
 from errorscreen.exceptions import InputError, check_real, unknown_name
 
-#: Volts, and megavolt-amperes, in one unit of each name.
+_Array = NDArray[np.float64]
+#: Volts, and megavolt-amperes, in one unit.
 _VOLTS = {"V": 1.0, "kV": 1e3}
 _MVA = {
     **{"W": 1e-6, "kW": 1e-3, "MW": 1.0, "GW": 1e3},
@@ -32,7 +33,7 @@ UNITS: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class Column:
-    """Where a channel comes from and what its numbers mean.
+    """Source of a channel and meaning of its numbers.
 
     Parameters
     ----------
@@ -43,19 +44,19 @@ class Column:
         nominal); P and Q: ``W, kW, MW, GW``, the same with ``var`` or ``VA``, ``pu``. The unit of the channel
         (pu, rad, Hz) where not given. Any text for other channels, whose numbers stay as they are.
     base : float, optional
-        What 1 pu is, if not the recording's own base: MVA for P and Q, kV line to line for V.
+        1 pu, if it is not the recording's own base: MVA for P and Q, kV line to line for V.
     sign : {"generator", "load"}
         P and Q: positive when generated, or positive when consumed.
     scale : float
         Factor on the numbers in the file, for example of an instrument transformer.
     per_phase : bool
-        P and Q in W, var or VA: one of three equal phases, so the total is three times as much.
+        P and Q in W, var or VA: of one of three equal phases, so the total is three times as much.
     line_neutral : bool
-        V in V or kV: measured from line to neutral and not from line to line.
+        V in V or kV: from line to neutral instead of line to line.
     real, imag : str, optional
         V: headers of the parts of the phasor; the angle becomes a channel of its own.
     value : float, optional
-        A value that is stated and not measured: taken before the event and never compared with.
+        A pre-event value that is stated and not measured; nothing is compared with it.
 
     Examples
     --------
@@ -90,13 +91,7 @@ class Bases:
 
 
 def as_column(role: str, spec: Column | str | Mapping[str, Any], where: str) -> Column:
-    """Check what was said about a channel, given as a header, a mapping of fields or a `Column`.
-
-    Raises
-    ------
-    InputError
-        If a field, a unit or a sign is unknown, or a field does not apply to this channel.
-    """
+    """Check the description of a channel, given as a header, a mapping of fields or a `Column`."""
     if isinstance(spec, str):
         spec = Column(spec)
     elif not isinstance(spec, Column):
@@ -108,9 +103,9 @@ def as_column(role: str, spec: Column | str | Mapping[str, Any], where: str) -> 
     near = {name.casefold(): name for name in ROLE_UNITS} | {"u": "V"}
     if role not in ROLE_UNITS and role.casefold() in near:
         raise InputError(
-            f"channel {role!r} is taken for {near[role.casefold()]!r}, which is written differently",
+            f"channel {role!r} looks like {near[role.casefold()]!r}, which is written differently",
             where=where,
-            allowed=", ".join(ROLE_UNITS) + ", or a name that cannot be mistaken for them",
+            allowed=f"{', '.join(ROLE_UNITS)}, or a name that cannot be mistaken for them",
         )
     if role in UNITS and spec.unit is not None and spec.unit not in UNITS[role]:
         raise unknown_name(spec.unit, UNITS[role], kind="unit", where=where)
@@ -155,24 +150,8 @@ def _check_meaning(role: str, spec: Column, where: str) -> None:
             raise InputError(f"{name} does not apply to {role!r} in {unit!r}", where=where, allowed=allowed)
 
 
-def convert(
-    role: str, numbers: NDArray[np.float64], spec: Column, bases: Bases, where: str
-) -> NDArray[np.float64]:
-    """Numbers of a file in the unit of the channel: pu, rad, Hz.
-
-    Raises
-    ------
-    InputError
-        If V is in volts and the base voltage is unknown.
-
-    Examples
-    --------
-    >>> bases = Bases(mva=100.0, kv=20.0, hz=50.0)
-    >>> convert("P", np.array([30.0]), Column("P", unit="MW", sign="load"), bases, "P")
-    array([-0.3])
-    >>> convert("V", np.array([11.547]), Column("V", unit="kV", line_neutral=True), bases, "V").round(4)
-    array([1.])
-    """
+def convert(role: str, numbers: _Array, spec: Column, bases: Bases, where: str) -> _Array:
+    """Convert recorded numbers to the unit of the channel: pu, rad, Hz."""
     numbers = spec.scale * numbers
     unit = spec.unit or ROLE_UNITS.get(role, "")
     if role in ("P", "Q"):
@@ -201,20 +180,14 @@ def _voltage_factor(unit: str, spec: Column, bases: Bases, where: str) -> float:
     return kv * (float(np.sqrt(3.0)) if spec.line_neutral else 1.0) / bases.kv
 
 
-def _frequency(numbers: NDArray[np.float64], unit: str, nominal: float) -> NDArray[np.float64]:
+def _frequency(numbers: _Array, unit: str, nominal: float) -> _Array:
     factors = {"Hz": 1.0, "mHz": 1e-3, "pu": nominal, "rad/s": 0.5 / np.pi}
     quantity, _, deviation = unit.partition(" ")
     return factors[quantity] * numbers + (nominal if deviation else 0.0)
 
 
-def unwrap(angle: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Remove jumps by full turns from an angle in rad; gaps stay gaps.
-
-    Examples
-    --------
-    >>> unwrap(np.array([3.0, np.nan, -3.0])).round(3)
-    array([3.   ,   nan, 3.283])
-    """
+def unwrap(angle: _Array) -> _Array:
+    """Remove jumps by full turns from an angle in rad; gaps stay gaps."""
     out = angle.copy()
     known = np.isfinite(out)
     out[known] = np.unwrap(out[known])

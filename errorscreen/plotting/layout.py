@@ -1,7 +1,7 @@
-r"""Where the buses of a diagram stand: given, or computed from the network.
+r"""Positions of the buses of a diagram, given or computed from the network.
 
-The computed layout makes the distance of two buses in the plane proportional to the number of branches between them as
-nearly as it can: it minimises the stress
+In the computed layout the distance of two buses is nearly proportional to the number of branches between them. It
+minimises the stress
 
 .. math:: \sum_{i<j} d_{ij}^{-2} (|x_i - x_j| - d_{ij})^2                                              & (Y1)
 
@@ -23,20 +23,14 @@ from errorscreen.exceptions import InputError
 from errorscreen.power.network import Network
 
 Points = NDArray[np.float64]
-#: most steps of the majorisation, and the relative gain of one at which it ends
+#: largest number of steps of the majorisation, and the relative gain of a step at which it ends
 _STEPS, _GAIN = 300, 1e-5
-#: inches between a bus and the one nearest to it, for all but the densest tenth; bounds of the longer side
+#: inches from a bus to the nearest one, for all but the densest tenth; bounds of the longer side
 _SPACING, _SHORTEST, _LONGEST = 0.8, 4.5, 30.0
 
 
 def bus_positions(network: Network, given: Mapping[int, Sequence[float]] | None) -> Points:
-    """Return positions of all buses in inches, in the order of the network, shape (n_buses, 2).
-
-    Raises
-    ------
-    InputError
-        If a bus has no position, one that is not a pair of finite numbers, or that of another bus.
-    """
+    """Return positions of all buses in inches, in the order of the network, shape (n_buses, 2)."""
     points = _stress_layout(network) if given is None else _checked(network, given)
     points = points - points.min(axis=0)
     if len(points) == 1:
@@ -63,11 +57,8 @@ def _checked(network: Network, given: Mapping[int, Sequence[float]]) -> Points:
         except (TypeError, ValueError):
             point = np.array(np.nan)
         if point.shape != (2,) or not np.isfinite(point).all():
-            raise InputError(
-                f"the position of bus {bus.number} is {given[bus.number]!r}",
-                where="positions",
-                allowed="two finite numbers",
-            )
+            problem = f"the position of bus {bus.number} is {given[bus.number]!r}"
+            raise InputError(problem, where="positions", allowed="two finite numbers")
         other = seen.setdefault(tuple(point), bus.number)
         if other != bus.number:
             raise InputError(f"the buses {other} and {bus.number} are at the same place", where="positions")
@@ -103,9 +94,9 @@ def _stress(points: Points, distance: Points) -> float:
 
 
 def _classical_scaling(distance: Points) -> Points:
-    """Coordinates whose inner products are nearest to those that the distances imply; signs are fixed."""
+    """Coordinates with the inner products nearest to those of the distances; signs are fixed."""
     centred = distance**2 - (distance**2).mean(axis=0)
     values, vectors = np.linalg.eigh(-0.5 * (centred - centred.mean(axis=1, keepdims=True)))
     vectors = vectors[:, -2:] * np.sign(vectors[np.abs(vectors[:, -2:]).argmax(axis=0), [-2, -1]])
-    spread = 1e-3 * np.sin(np.arange(2 * len(distance))).reshape(-1, 2)  # buses that coincide must part
+    spread = 1e-3 * np.sin(np.arange(2 * len(distance))).reshape(-1, 2)  # separates buses that coincide
     return vectors * np.sqrt(np.maximum(values[-2:], 0)) + spread

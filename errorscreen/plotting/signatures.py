@@ -1,4 +1,4 @@
-"""What an effect changes in the responses to some events, at rising strength."""
+"""Change of responses by an effect of rising strength."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from errorscreen.data.panels import COLOURS, figure_of, mark_event, tidy, top_legend, with_unit
 from errorscreen.effects.base import Effect
 from errorscreen.events import Event
 from errorscreen.exceptions import check_real
-from errorscreen.plotting.charts import COLOURS, figure_of, mark_event, tidy, with_unit
 from errorscreen.simulators.base import Simulator
 
 if TYPE_CHECKING:
@@ -38,12 +38,12 @@ def plot_signature(
     events : sequence of Event, optional
         The simulator's default event where not given.
     strengths : sequence of float
-        In multiples of the largest strength, the upper bound; each 0 to 1.
+        In multiples of the upper bound of the strength; each 0 to 1.
 
     Returns
     -------
     matplotlib.figure.Figure
-        A strength that cannot be simulated is left out.
+        Strengths whose simulation fails are left out.
 
     Raises
     ------
@@ -84,7 +84,5 @@ def plot_signature(
         column[-1].set_xlabel("time in s")
     for axes, name, unit in zip(panels[:, 0], simulator.channels, simulator.units, strict=True):
         axes.set_ylabel(with_unit(f"change of {name}", unit))
-    figure.legend(
-        *panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4, frameon=False
-    )
+    top_legend(figure, panels[0, 0])
     return figure

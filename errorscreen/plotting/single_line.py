@@ -1,7 +1,7 @@
-"""Geometry of a single-line diagram in inches: bars of buses, and where branches, machines and loads leave them.
+"""Geometry of a single-line diagram in inches: bars of buses, and the ports of branches, machines and loads.
 
-A bar stands across most of the branches of its bus. Each branch leaves it at a right angle with a short stub, on the
-side and in the order in which the other ends lie, so that branches of one bus do not cross beside it.
+A bar stands across most of the branches of its bus. Each branch leaves it at a right angle with a short stub. Sides and
+order follow the other ends of the branches, so branches of one bus do not cross beside it.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ Point = NDArray[np.float64]
 Box = tuple[float, float, float, float]
 #: inches: width of a branch on a bar, least half length of a bar, length of a stub
 _GAP, _HALF, STUB = 0.15, 0.2, 0.12
-#: rounds in which the ends of branches look for each other
+#: rounds in which the two ends of each branch align
 _ROUNDS = 6
-#: inches between samples of a line; what a text costs, in samples that it hides, for each square inch that is taken
-#: and each inch beyond the edge
+#: inches between samples of a line; cost of a text for each square inch of overlap and each inch beyond the edge, in
+#: hidden samples
 _SAMPLE, _AREA_COST, _EDGE_COST = 0.04, 1e4, 1e4
 #: directions from a box in which a text may stand: beside, above and below, at the corners, between
 _SPOTS = np.array([
@@ -34,7 +34,7 @@ _SPOTS = np.array([
 
 @dataclass
 class Port:
-    """Where something leaves a bar: side (1 or -1), order on it, coordinate along the bar, and its width there."""
+    """Port of a bar: side (1 or -1), order on that side, coordinate along the bar, and width."""
 
     side: int
     slope: float = 0.0
@@ -66,26 +66,26 @@ class Bar:
         return self.centre + sign * self.extent
 
     def outward(self, key: Hashable) -> Point:
-        """Direction in which something leaves."""
+        """Direction of a port."""
         return self.ports[key].side * self.across
 
     def point(self, key: Hashable, reach: float = 0.0) -> Point:
-        """Point at a distance from the bar on the way out."""
+        """Point at a distance from the bar in the direction of a port."""
         return self.centre + self.ports[key].t * self.along + reach * self.outward(key)
 
     def free_side(self) -> int:
-        """Side on which there is more room."""
+        """Side with more room."""
         return 1 if sum(port.side * port.width for port in self.ports.values()) < 0 else -1
 
     def add_branch(self, key: Hashable, towards: Point) -> None:
-        """Let a branch leave on the side of its other end."""
+        """Add a port on the side of the other end of a branch."""
         way = towards - self.centre
         x, y = float(self.along @ way), float(self.across @ way)
         side = self.free_side() if abs(y) < 1e-6 * abs(x) else int(np.sign(y))
         self.ports[key] = Port(side, x / max(abs(y), 1e-6 * abs(x)), x)
 
     def arrange(self) -> None:
-        """Move each port as near to where it wants to be as order and widths allow (isotonic regression)."""
+        """Move each port to its wanted coordinate as nearly as order and widths allow (isotonic regression)."""
         for sign in (1, -1):
             side = sorted((p for p in self.ports.values() if p.side == sign), key=lambda p: p.slope)
             if not side:
@@ -94,16 +94,15 @@ class Bar:
             shift = np.cumsum(widths) - 0.5 * widths
             self.half = max(self.half, 0.5 * widths.sum())
             wanted = isotonic_regression(np.array([p.t for p in side]) - shift).x
-            for port, place in zip(
-                side, np.clip(wanted, -self.half, self.half - widths.sum()) + shift, strict=True
-            ):
+            places = np.clip(wanted, -self.half, self.half - widths.sum()) + shift
+            for port, place in zip(side, places, strict=True):
                 port.t = float(place)
 
 
 def bars(
     network: Network, positions: Point, attached: Iterable[tuple[int, Hashable, float]]
 ) -> dict[int, Bar]:
-    """Bars of all buses by number; a branch has its index as key, `attached` are (bus, key, width) of all else."""
+    """Bars of all buses by number; keys of ports are indices of branches and those of `attached` (bus, key, width)."""
     at = dict(zip((bus.number for bus in network.buses), positions, strict=True))
     ways: dict[int, list[Point]] = {bus: [] for bus in at}
     for branch in network.branches:
@@ -130,7 +129,7 @@ def bars(
 
 
 class Clutter:
-    """What is already drawn between two corners, so that a text can be put where it hides least of it."""
+    """Lines and boxes that are drawn between two corners, so that texts hide little of them."""
 
     def __init__(self, low: Point, high: Point) -> None:
         self._low, self._high = low, high
@@ -138,23 +137,21 @@ class Clutter:
         self._boxes: list[Box] = []
 
     def add_line(self, points: Iterable[Point]) -> None:
-        """Take note of a line through some points."""
+        """Add a line through some points."""
         path = np.array(list(points))
         for a, b in pairwise(path):
             n = 2 + int(np.linalg.norm(b - a) / _SAMPLE)
             self._points.append(a + np.linspace(0, 1, n)[:, None] * (b - a))
 
     def add_box(self, centre: Point, half: Point) -> None:
-        """Take note of something that fills a box."""
+        """Add a box."""
         self._boxes.append((*(centre - half), *(centre + half)))
 
     def settle(self, candidates: Iterable[Point], half: Point) -> Point:
-        """Centre of a box of that size where it hides least, the earlier the better; it is taken from then on."""
+        """Add a box of half size `half` at the candidate centre where it hides least, and return that centre."""
         centres = list(candidates)
-        points, boxes = (
-            np.concatenate([np.zeros((0, 2)), *self._points]),
-            np.array(self._boxes).reshape(-1, 4),
-        )
+        points = np.concatenate([np.zeros((0, 2)), *self._points])
+        boxes = np.array(self._boxes).reshape(-1, 4)
         costs = [self._cost(c - half, c + half, points, boxes) + 1e-3 * k for k, c in enumerate(centres)]
         best = centres[int(np.argmin(costs))]
         self.add_box(best, half)

@@ -1,4 +1,4 @@
-"""Single-line diagram of a simulated grid: what is under test, what is observed, what happens."""
+"""Single-line diagram of a simulated grid with its units under test, observed quantities and event."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from errorscreen.data.panels import COLOURS
 from errorscreen.events import GridEvent
 from errorscreen.exceptions import InputError
-from errorscreen.plotting.charts import COLOURS
 from errorscreen.plotting.layout import bus_positions
 from errorscreen.plotting.single_line import STUB, Bar, Clutter, Point, around, bars
 from errorscreen.power.elements import Branch
@@ -37,19 +37,19 @@ def plot_system(
     *,
     positions: Mapping[int, Sequence[float]] | None = None,
 ) -> Figure:
-    """Single-line diagram of a grid with the units under test, what is observed, and where the event happens.
+    """Single-line diagram of a grid with its units under test, observed quantities and event.
 
     Bars are buses, two circles a transformer, circles machines, arrows loads; shunts are not drawn. A branch counts as
-    a transformer where its ratio, its shift or the nominal voltages of its ends say so, or where it has no charging
-    while others of the grid have. A branch that the event opens is dashed, one that is out of service anyway dotted.
+    a transformer by its ratio, its shift or the nominal voltages of its ends, or if it has no charging and others of
+    the grid have. A branch that the event opens is dashed; one out of service before the event is dotted.
 
     Parameters
     ----------
     simulator : PowerSystemSimulator
     event : GridEvent, optional
-        The simulator's own where not given; of any kind, because its place is read off the networks it leads to.
+        The simulator's own where not given. Any kind will do: its place follows from the networks that it leads to.
     positions : mapping of int to (float, float), optional
-        Place of each bus, x to the right and y upwards, in any unit, for example
+        Position of each bus, x to the right and y upwards, in any unit, for example
         `errorscreen.cases.ieee39_data.POSITIONS`; computed from the network where not given.
 
     Returns
@@ -60,7 +60,7 @@ def plot_system(
     Raises
     ------
     InputError
-        If the simulator or the event is of another kind, or a bus has no usable position.
+        If the simulator or the event is not of a grid, or a bus has no usable position.
 
     Examples
     --------
@@ -71,15 +71,12 @@ def plot_system(
     'fault at bus 3'
     """
     if not isinstance(simulator, PowerSystemSimulator):
-        raise InputError(
-            f"a {type(simulator).__name__} does not simulate a grid", allowed="a PowerSystemSimulator"
-        )
+        problem = f"a {type(simulator).__name__} does not simulate a grid"
+        raise InputError(problem, allowed="a PowerSystemSimulator")
     shown = simulator.event if event is None else event
     if not isinstance(shown, GridEvent):
-        raise InputError(
-            f"a {type(shown).__name__} does not happen in a grid",
-            allowed="BusFault, LineTrip, LoadStep, GridEvent",
-        )
+        problem = f"a {type(shown).__name__} does not happen in a grid"
+        raise InputError(problem, allowed="BusFault, LineTrip, LoadStep, GridEvent")
     network = simulator.network
     places = _places(network, shown)
     points = bus_positions(network, positions)
@@ -105,7 +102,7 @@ def plot_system(
 
 @dataclass(frozen=True)
 class _Places:
-    """What an event touches: buses with a fault, indices of opened branches, buses whose load changes."""
+    """Places of an event: buses with a fault, indices of opened branches, buses with changed loads."""
 
     faults: frozenset[int]
     tripped: frozenset[int]
@@ -138,7 +135,7 @@ def _annotate(
     places: _Places,
     devices: Mapping[int, str],
 ) -> None:
-    """Bars, flashes and all texts: last, because they look for free space."""
+    """Draw bars, flashes and texts, which come last because they need free space."""
     observed = {where for where in simulator.observed.values() if not isinstance(where, tuple)}
     for bus, bar in grid.items():
         canvas.bar(bar, OBSERVED if bus in observed else SYMBOL)
@@ -160,7 +157,7 @@ def _annotate(
 
 
 def _legend(simulator: PowerSystemSimulator, event: GridEvent, places: _Places) -> list[Any]:
-    """Handles for what the diagram holds."""
+    """Handles of the symbols of the diagram."""
     from matplotlib.lines import Line2D
 
     circle: dict[str, Any] = {"marker": "o", "ls": "none", "ms": 10, "mec": SYMBOL}
@@ -189,10 +186,10 @@ def _flash_marker() -> Any:
 
 
 class _Canvas:
-    """Axes that count in inches, and what has been drawn on them."""
+    """Axes in inches, with a record of all drawn shapes."""
 
     def __init__(self, points: Point) -> None:
-        """Make room for some points with margins, and the legend below."""
+        """Make room for points, margins and a legend below."""
         from matplotlib.figure import Figure
 
         low, high = points.min(axis=0) - _MARGIN, points.max(axis=0) + _MARGIN
@@ -230,7 +227,7 @@ class _Canvas:
     def branch(
         self, grid: Mapping[int, Bar], k: int, branch: Branch, transformer: bool, tripped: bool, observed: Any
     ) -> None:
-        """Draw a line or a transformer; where power is observed, an arrow at the end at which it arrives."""
+        """Draw a line or a transformer, with an arrow where observed power arrives."""
         ends = grid[branch.from_bus], grid[branch.to_bus]
         seen = [where for where in observed if set(where) == set(branch.ends)]
         colour = EVENT if tripped else OBSERVED if seen else LINE
@@ -251,7 +248,7 @@ class _Canvas:
         self.head(bar.point(key, _LOAD), bar.outward(key), colour)
 
     def machine(self, bar: Bar, key: Hashable, tested: bool) -> None:
-        """Draw a machine, filled where it is a unit under test."""
+        """Draw a machine; a unit under test is filled."""
         centre = bar.point(key, _LEAD)
         self.line([bar.point(key), centre], color=LINE, lw=1.0, zorder=2)
         self.circle(centre, _MACHINE, TESTED if tested else "white")
@@ -265,7 +262,7 @@ class _Canvas:
         self.clutter.add_box(bar.centre, bar.extent + 0.03)
 
     def flash(self, bar: Bar) -> None:
-        """Draw a fault with its tip at the bus, where there is room."""
+        """Draw a fault with its tip at the bus, on the side with most room."""
         size = _FLASH.max(axis=0)
         corners = [np.array(corner) for corner in ((1, 1), (-1, 1), (1, -1), (-1, -1))]
         tips = [bar.end(int(np.sign(bar.along @ corner))) for corner in corners]
@@ -286,10 +283,9 @@ class _Canvas:
         along: Point | None = None,
         **style: Any,
     ) -> None:
-        """Write a text beside a box, at the ends of a bar first, where it hides least."""
-        label = self.axes.text(
-            0, 0, text, ha="center", va="center", fontsize=8, color=colour, zorder=6, **style
-        )
+        """Write a text beside a box where it hides least; the ends of a bar come first."""
+        style |= {"ha": "center", "va": "center", "fontsize": 8, "zorder": 6}
+        label = self.axes.text(0, 0, text, color=colour, **style)
         size = label.get_window_extent()
         half = 0.5 * np.array([size.width, size.height]) / self.figure.dpi
         beside = [] if along is None else [

@@ -22,7 +22,7 @@ from errorscreen.plotting import (
     plot_responses,
     plot_waveform,
 )
-from errorscreen.plotting.charts import Outlined
+from errorscreen.plotting.error_images import Outlined
 from errorscreen.report import ReportFigure
 from errorscreen.report.result import Role
 from errorscreen.workflow.outcome import Outcome

@@ -170,7 +170,7 @@ FILES = {
     "mistakable channel": (
         GOOD,
         {"columns": {"p": "P"}},
-        "channel 'p': channel 'p' is taken for 'P', which is written differently. Allowed: V, angle, f, P, Q",
+        "channel 'p': channel 'p' looks like 'P', which is written differently. Allowed: V, angle, f, P, Q",
     ),
     "sign where it means nothing": (
         GOOD,
@@ -280,5 +280,5 @@ def test_tables_name_their_rows():
         from_frame(frame, {"P": "P"}, base_mva=1, f_nominal=50)
     with pytest.raises(InputError, match="there are no samples"):
         from_frame(frame.iloc[:0], {"P": "P"}, base_mva=1, f_nominal=50)
-    with pytest.raises(InputError, match=r"numbers were found where dates were announced.*time_unit='s'"):
+    with pytest.raises(InputError, match=r"numbers were found instead of dates.*time_unit='s'"):
         from_frame(frame, {"P": "P"}, base_mva=1, f_nominal=50, time_unit="iso")

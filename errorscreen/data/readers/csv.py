@@ -6,14 +6,12 @@ import csv
 import difflib
 import io
 import os
-from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from errorscreen.data.frames import Specs, build_recording
 from errorscreen.data.recordings import Recording
 from errorscreen.data.table import Table
-from errorscreen.data.units import Bases
 from errorscreen.exceptions import InputError
 
 DELIMITERS = (",", ";", "\t")
@@ -23,48 +21,36 @@ def read_csv(
     path: str | os.PathLike[str],
     columns: Specs,
     *,
-    base_mva: float,
-    f_nominal: float,
-    base_kv: float | None = None,
     time: str = "time",
-    time_unit: str = "s",
     name: str | None = None,
-    event_time: float | None = None,
-    t_start: float | None = None,
-    t_end: float | None = None,
-    noise: Mapping[str, float] | None = None,
-    held: str = "drop",
-    missing: Iterable[str] = (),
-    on_backward: str = "error",
-    max_missing: float = 0.4,
     delimiter: str | None = None,
     decimal: str = ".",
     encoding: str = "utf-8-sig",
     skip_rows: int = 0,
+    **options: Any,
 ) -> Recording:
     r"""Read a recording from a text file with one header row.
 
-    Nothing is repaired in silence: what was assumed, dropped, sorted or averaged is written down in
-    `Recording.assumptions`.
+    `Recording.assumptions` says what was assumed, dropped, sorted or averaged.
 
     Parameters
     ----------
     path : path-like
-    columns, base_mva, f_nominal, base_kv, time_unit, event_time, t_start, t_end, noise, held, missing
-        As in `from_frame`.
-    on_backward, max_missing
+    columns : mapping of str to Column, str or mapping
         As in `from_frame`.
     time : str
         Header of the time stamps.
     name : str, optional
         The file's name without ending where not given.
     delimiter : str, optional
-        Comma, semicolon or tabulator, whichever the header holds most of, where not given.
+        Comma, semicolon or tabulator where not given, whichever is most frequent in the header.
     decimal : {".", ","}
     encoding : str
-        A byte-order mark is understood by the default.
+        The default understands a byte-order mark.
     skip_rows : int
         Lines above the header.
+    **options
+        `base_mva`, `f_nominal` and all others of `from_frame`.
 
     Returns
     -------
@@ -73,7 +59,8 @@ def read_csv(
     Raises
     ------
     InputError
-        If something cannot be used; it says what, where (file, line, column), what is allowed, and what to do.
+        If something cannot be used; it says what was found, where (file, line, column), what is allowed, and what to
+        do.
 
     Examples
     --------
@@ -93,11 +80,8 @@ def read_csv(
     if decimal not in (".", ","):
         raise InputError(f"decimal is {decimal!r}", where=source, allowed="'.' or ','")
     table = read_table(path, delimiter=delimiter, decimal=decimal, encoding=encoding, skip_rows=skip_rows)
-    return build_recording(
-        table, columns, time, time_unit, Bases(base_mva, base_kv, f_nominal), missing=missing,
-        decimal=decimal, on_backward=on_backward, max_missing=max_missing, window=(t_start, t_end),
-        name=path.stem if name is None else name, event_time=event_time, noise=noise, held=held,
-    )  # fmt: skip
+    name = path.stem if name is None else name
+    return build_recording(table, columns, time=time, decimal=decimal, name=name, **options)
 
 
 def read_table(
@@ -108,13 +92,7 @@ def read_table(
     encoding: str = "utf-8-sig",
     skip_rows: int = 0,
 ) -> Table:
-    """Read all cells of a file as text; blank lines are passed over.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is empty, or a line has another number of fields than the header.
-    """
+    """Read all cells of a file as text and skip blank lines."""
     source = f"file {path}"
     text = _text(path, encoding)
     if skip_rows < 0:
@@ -160,17 +138,13 @@ def _text(path: Path, encoding: str) -> str:
     if not path.exists():
         siblings = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
         near = difflib.get_close_matches(path.name, siblings, n=3)
-        raise InputError(
-            "does not exist",
-            where=where,
-            remedy=f"Did you mean {', '.join(near)}?" if near else "Check the path",
-        )
+        remedy = f"Did you mean {', '.join(near)}?" if near else "Check the path"
+        raise InputError("does not exist", where=where, remedy=remedy)
     try:
         return path.read_bytes().decode(encoding)
     except LookupError as error:
-        raise InputError(
-            f"encoding {encoding!r} is unknown", where=where, allowed="utf-8, latin-1, ..."
-        ) from error
+        problem = f"encoding {encoding!r} is unknown"
+        raise InputError(problem, where=where, allowed="utf-8, latin-1, ...") from error
     except UnicodeDecodeError as error:
         raise InputError(
             f"byte {error.start} is not {encoding} text",
@@ -184,21 +158,17 @@ def _text(path: Path, encoding: str) -> str:
 def _check_header(header: list[str], source: str) -> None:
     twice = [h for h in dict.fromkeys(header) if h and header.count(h) > 1]
     if twice:
-        raise InputError(
-            f"column {twice[0]!r} occurs {header.count(twice[0])} times in the header",
-            where=source,
-            allowed="a name of its own for each column",
-        )
+        problem = f"column {twice[0]!r} occurs {header.count(twice[0])} times in the header"
+        raise InputError(problem, where=source, allowed="a name of its own for each column")
 
 
 def _fitting(row: list[str], header: list[str], where: str, delimiter: str) -> list[str]:
-    """Cells of a row that fits the header; a delimiter at the end of the line does no harm."""
+    """Return as many cells as the header has; empty ones at the end of the line are cut off."""
     surplus = row[len(header) :]
     if len(row) < len(header) or any(cell.strip() for cell in surplus):
         remedy = "Complete or delete the line"
         if surplus and delimiter == ",":
             remedy += "; numbers with a decimal comma need another delimiter, and decimal=','"
-        raise InputError(
-            f"the line has {len(row)} fields, the header has {len(header)}", where=where, remedy=remedy
-        )
+        problem = f"the line has {len(row)} fields, the header has {len(header)}"
+        raise InputError(problem, where=where, remedy=remedy)
     return row[: len(header)]

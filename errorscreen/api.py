@@ -1,0 +1,214 @@
+"""The public functions of the package: from a recording to a fit, a diagnosis and causes in a few lines."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from errorscreen.calibration import BaseCalibrator, MAPCalibrator, PSOCalibrator
+from errorscreen.data.frames import Specs, from_frame
+from errorscreen.data.headers import guess_columns, guess_time
+from errorscreen.data.readers.csv import read_csv, read_table
+from errorscreen.data.recordings import Recording
+from errorscreen.discovery.finder import CauseFinder
+from errorscreen.exceptions import InputError, unknown_name
+from errorscreen.simulators.base import Simulator
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_CALIBRATORS: dict[str, type[BaseCalibrator]] = {"map": MAPCalibrator, "pso": PSOCalibrator}
+#: Options of `read_csv` that decide where the headers of a file are.
+_LAYOUT = ("delimiter", "decimal", "encoding", "skip_rows")
+
+
+def read(
+    source: str | os.PathLike[str] | pd.DataFrame | Mapping[str, Any],
+    columns: Specs | None = None,
+    *,
+    base_mva: float,
+    f_nominal: float,
+    time: str | None = None,
+    time_unit: str | None = None,
+    **options: Any,
+) -> Recording:
+    """Read a recording from a text file, a table or arrays.
+
+    Parameters
+    ----------
+    source : path-like, pandas.DataFrame or mapping of str to array-like of shape (L,)
+        A text file with one header row, a table, or columns by header.
+    columns : mapping of str to Column, str or mapping, optional
+        Source of each channel by its name, see `errorscreen.data.from_frame`. Where not given, headers must name the
+        channels beyond doubt: ``V``, ``angle``, ``f``, ``P``, ``Q`` in pu, rad, Hz, pu and pu, or usual spellings with
+        a unit, such as ``P [MW]`` or ``V_mag_kV``.
+    base_mva : float
+        Base that P and Q are converted to, in MVA: that of the device.
+    f_nominal : float
+        Nominal frequency in Hz.
+    time : str, optional
+        Header of the time stamps. Where not given, the column ``time`` or ``t``; of a table without one, the index.
+    time_unit : {"s", "ms", "us", "min", "h", "iso"}, optional
+        Where not given, the unit in the header, or seconds.
+    **options
+        As in `errorscreen.data.read_csv` for a file and `errorscreen.data.from_frame` otherwise, for example
+        `base_kv`, `event_time`, `t_start`.
+
+    Returns
+    -------
+    Recording
+        Its `assumptions` say how headers and units were understood.
+
+    Raises
+    ------
+    InputError
+        If something cannot be used, or headers leave a doubt; the message lists the headers.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> t = np.arange(0, 4, 0.02)
+    >>> rec = read({"t [s]": t, "P [MW]": np.where(t < 1, 40.0, 30.0)}, base_mva=50, f_nominal=50)
+    >>> round(rec.initial(["P"])["P"], 6), rec.event_time
+    (0.8, 1.0)
+    """
+    reader: Callable[..., Recording]
+    if isinstance(source, str | os.PathLike):
+        layout = {name: options[name] for name in _LAYOUT if name in options}
+        headers, where = list(read_table(Path(source), **layout).columns), f"file {source}"
+        reader = partial(read_csv, source)
+    else:
+        frame = _frame(source)
+        headers, where = [str(column) for column in frame.columns], "table"
+        reader = partial(from_frame, frame)
+    notes = []
+    if columns is None:
+        columns = guess_columns(headers, where)
+        taken = ", ".join(f"{role} from {column.column!r}" for role, column in columns.items())
+        notes = [f"Columns were taken by their names: {taken}."]
+    if time is None:
+        time, unit = guess_time(headers)
+        time_unit = time_unit or unit
+    if time is not None:
+        options["time"] = time
+    recording = reader(columns, base_mva=base_mva, f_nominal=f_nominal, time_unit=time_unit or "s", **options)
+    return replace(recording, assumptions=(*notes, *recording.assumptions))
+
+
+def _frame(source: Any) -> pd.DataFrame:
+    import pandas as pd
+
+    if isinstance(source, pd.DataFrame):
+        return source
+    if not isinstance(source, Mapping):
+        raise InputError(
+            f"the source is of type {type(source).__name__}",
+            where="read",
+            allowed="a path, a table or a mapping",
+        )
+    lengths = {header: np.shape(values) for header, values in source.items()}
+    if len(set(lengths.values())) != 1 or any(len(shape) != 1 for shape in lengths.values()):
+        raise InputError(
+            f"the columns have the shapes {lengths}", where="read", allowed="one length for all columns"
+        )
+    return pd.DataFrame(dict(source))
+
+
+def calibrate(
+    simulator: Simulator,
+    recordings: Any,
+    method: str = "map",
+    parameters: Iterable[str] | None = None,
+    *,
+    random_state: Any = 0,
+    **options: Any,
+) -> BaseCalibrator:
+    """Fit parameters of a simulator to one recording or to several together.
+
+    Parameters
+    ----------
+    simulator : Simulator
+    recordings : Observation, or anything ``simulator.observe`` takes, or a list of them
+    method : {"map", "pso"}
+        `MAPCalibrator` with intervals, or the particle swarm `PSOCalibrator` of the paper.
+    parameters : iterable of str, optional
+        Names of the parameters to fit; the others keep their nominal values. All where not given.
+    random_state : None, int, SeedSequence, Generator or RandomState
+    **options
+        Further arguments of the calibrator.
+
+    Returns
+    -------
+    BaseCalibrator
+        Fitted.
+
+    Raises
+    ------
+    InputError
+        If an argument or a recording cannot be used.
+    SimulationError
+        If nothing can be simulated.
+
+    Examples
+    --------
+    >>> from errorscreen.cases.demo import demo_recordings
+    >>> from errorscreen.simulators import PlantSimulator
+    >>> recording, _, truth = demo_recordings(0)
+    >>> plant = PlantSimulator("synchronous_machine", recording)
+    >>> fit = calibrate(plant, recording, parameters=["Xd1", "Tj"], n_starts=1)
+    >>> sorted(fit.values_)
+    ['Tj', 'Xd1']
+    """
+    if method not in _CALIBRATORS:
+        raise unknown_name(method, _CALIBRATORS, kind="method", where="calibrate")
+    kind: Any = _CALIBRATORS[method]
+    return kind(simulator, parameters, random_state=random_state, **options).fit(recordings)
+
+
+def find_causes(
+    simulator: Simulator,
+    recordings: Any,
+    effects: Sequence[str] | None = None,
+    *,
+    random_state: Any = 0,
+    **options: Any,
+) -> CauseFinder:
+    """Find what a simulator lacks to reproduce one recording or several together.
+
+    Parameters
+    ----------
+    simulator : Simulator
+    recordings : Observation, or anything ``simulator.observe`` takes, or a list of them
+    effects : sequence of str, optional
+        Names of the effects to try; all of the simulator's where not given.
+    random_state : None, int, SeedSequence, Generator or RandomState
+    **options
+        Further arguments of `errorscreen.discovery.CauseFinder`, for example `max_effects`.
+
+    Returns
+    -------
+    CauseFinder
+        Fitted.
+
+    Raises
+    ------
+    InputError
+        If an argument or a recording cannot be used.
+    SimulationError
+        If nothing can be simulated.
+
+    Examples
+    --------
+    >>> from errorscreen.cases.demo import demo_recordings
+    >>> from errorscreen.simulators import PlantSimulator
+    >>> recording, _, truth = demo_recordings(0)
+    >>> find_causes(PlantSimulator("synchronous_machine", recording), recording, max_effects=0).verdict_.kind
+    'parameters'
+    """
+    return CauseFinder(simulator, effects, random_state=random_state, **options).fit(recordings)

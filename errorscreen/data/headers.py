@@ -1,0 +1,89 @@
+"""Channels that the headers of a table name beyond doubt."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+from errorscreen.data.timestamps import TIME_UNITS
+from errorscreen.data.units import UNITS, Column
+from errorscreen.exceptions import InputError
+
+#: Spellings of each channel and of the time, in lower case and with spaces for underscores and dots.
+_SPELLINGS = {
+    "time": ("time", "t"),
+    "V": ("v", "u", "voltage", "voltage magnitude", "v mag", "u mag", "vmag", "umag", "vm"),
+    "angle": ("angle", "voltage angle", "phase angle", "v angle", "v ang", "u angle", "u ang"),
+    "f": ("f", "freq", "frequency"),
+    "P": ("p", "active power", "real power"),
+    "Q": ("q", "reactive power"),
+}
+_ROLES = {spelling: role for role, spellings in _SPELLINGS.items() for spelling in spellings}
+#: Other spellings of units.
+_ALIASES = {
+    **{"p.u.": "pu", "PU": "pu", "°": "deg", "degrees": "deg", "degree": "deg", "KV": "kV"},
+    **{"MVAR": "Mvar", "KVAR": "kvar", "KW": "kW", "sec": "s", "seconds": "s"},
+}
+#: A unit in brackets, after "in", a slash or the last underscore.
+_WITH_UNIT = re.compile(
+    r"(?P<name>.+?)(?:\s*\[(?P<a>.+)\]|\s*\((?P<b>.+)\)|\s+in\s+(?P<c>\S+)|\s*/\s*(?P<d>\S+)|_(?P<e>[^_]+))"
+)
+
+
+def guess_time(headers: Iterable[str]) -> tuple[str | None, str | None]:
+    """Header of the time stamps and the unit that it states; None where no header, or more than one, names them."""
+    found = [(header, unit) for header in headers for role, unit in [_read_header(header)] if role == "time"]
+    known = [(header, unit) for header, unit in found if unit is None or unit in TIME_UNITS]
+    return known[0] if len(known) == 1 else (None, None)
+
+
+def guess_columns(headers: Iterable[str], source: str) -> dict[str, Column]:
+    """Map headers to channels where their names leave no doubt.
+
+    A header is the name of a channel (``V``, ``angle``, ``f``, ``P``, ``Q``: in pu, rad, Hz, pu, pu) or a usual
+    spelling with a unit: ``P [MW]``, ``Q (Mvar)``, ``voltage in kV``, ``angle/deg``, ``V_mag_pu``. `InputError` if no
+    header is, several name the same channel, or a unit is not clear.
+    """
+    headers = list(headers)
+    found: dict[str, Column] = {}
+    problem, allowed = (
+        "no column names a channel",
+        "V, angle, f, P, Q, or usual names with a unit, as 'P [MW]'",
+    )
+    for header in headers:
+        role, unit = _read_header(header)
+        if role is None or role == "time":
+            continue
+        allowed = f"one column for {role}, in {', '.join(UNITS[role])}"
+        if role in found:
+            problem = f"columns {found[role].column!r} and {header!r} both seem to hold {role}"
+            break
+        if unit not in UNITS[role] and not (unit is None and header.strip() == role):
+            problem = f"column {header!r} seems to hold {role}, but its unit is not clear"
+            break
+        found[role] = Column(header, unit=unit)
+    else:
+        if found:
+            return found
+    raise InputError(
+        f"{problem}; the columns are {', '.join(map(repr, headers))}",
+        where=source,
+        allowed=allowed,
+        remedy='Give columns, for example columns={"P": Column("P1", unit="MW")}',
+    )
+
+
+def _read_header(header: str) -> tuple[str | None, str | None]:
+    """Channel and unit that a header names."""
+    whole = _ROLES.get(_plain(header))
+    if whole:
+        return whole, None
+    match = _WITH_UNIT.fullmatch(header.strip())
+    if not match:
+        return None, None
+    unit = next(text for text in match.group("a", "b", "c", "d", "e") if text is not None).strip()
+    return _ROLES.get(_plain(match["name"])), _ALIASES.get(unit, unit)
+
+
+def _plain(name: str) -> str:
+    return " ".join(re.split(r"[\s_.]+", name.strip().casefold()))
