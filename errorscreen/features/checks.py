@@ -1,15 +1,71 @@
-"""Checks that the estimators of this floor share: stacks of signals or images, and options."""
+"""What estimators on signals and images share: checks of their input, and tables with named columns as output."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from sklearn.base import BaseEstimator, OneToOneFeatureMixin, TransformerMixin
+from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import validate_data
 
 from errorscreen.exceptions import InputError, check_integer
+
+
+def has_columns(transformer: Any) -> bool:
+    """Condition of `get_feature_names_out` for `available_if`."""
+    if not transformer._is_table():
+        raise AttributeError("Only a table has named columns; stacks of signals and images stay arrays.")
+    return True
+
+
+class StackTransformer(OneToOneFeatureMixin, TransformerMixin, BaseEstimator, ABC):
+    """Base class of transformers of tables (n, F), stacks of signals (n, R, L) and images (n, R, H, W).
+
+    `set_output` makes data frames of tables. Stacks of signals and images have no columns and stay arrays, so that a
+    pipeline that ends in a table can be set as a whole.
+    """
+
+    @abstractmethod
+    def fit(self, X: ArrayLike, y: Any = None) -> Any:  # noqa: D102 (said by each subclass)
+        ...
+
+    def set_output(self, *, transform: str | None = None) -> Any:
+        """Choose the container of tables that `transform` returns; stacks and images stay arrays.
+
+        Parameters
+        ----------
+        transform : {"default", "pandas", "polars"}, optional
+            Unchanged where not given.
+        """
+        if transform is not None:
+            self._sklearn_output_config = {"transform": transform}
+        return self
+
+    @available_if(has_columns)
+    def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
+        """Names of the columns of the result, which must be a table.
+
+        Parameters
+        ----------
+        input_features : array-like of str, optional
+            Names of the columns of X; those seen in fit, or ``x0``, ``x1`` and so on, where not given.
+        """
+        names: NDArray[np.object_] = super().get_feature_names_out(input_features)
+        return names
+
+    def _is_table(self) -> bool:
+        """Whether `transform` returns a table; assumed before `fit`."""
+        return len(getattr(self, "shape_in_", (0,))) == 1
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.input_tags.three_d_array = True
+        tags.transformer_tags.preserves_dtype = ["float64", "float32"]
+        return tags
 
 
 def check_stack(
@@ -21,10 +77,9 @@ def check_stack(
     dtype: Any = (np.float64, np.float32),
     **checks: Any,
 ) -> Any:
-    """Validate a stack of samples and hold it to the shape seen in fit.
+    """Validate a stack of samples, and set (`reset`) or compare ``estimator.shape_in_``, the shape of one sample.
 
-    Sets (`reset`) or compares ``estimator.shape_in_``, the shape of one sample: scikit-learn's own
-    ``n_features_in_`` is only the first axis of it.
+    scikit-learn's own ``n_features_in_`` is only the first axis of that shape.
 
     Parameters
     ----------
@@ -44,7 +99,7 @@ def check_stack(
     Raises
     ------
     ValueError
-        What scikit-learn rejects: sparse, text, complex, one axis, values that are not finite.
+        If scikit-learn rejects X: sparse, text, complex, one axis, or values that are not finite.
     InputError
         If there are more axes than allowed, or the shape differs from the one in fit.
     """
@@ -63,7 +118,7 @@ def check_stack(
 
 
 def split_channels(X: NDArray[Any], n_channels: int | None, where: str) -> NDArray[Any]:
-    """View a stack as (n, R, L): 2-D input is one channel, or `n_channels` channels in one row after another.
+    """View a stack as (n, R, L): a row of 2-D input holds one channel, or `n_channels` one after another.
 
     Examples
     --------
@@ -90,7 +145,7 @@ def check_noise(noise: ArrayLike | None, shape: tuple[int, ...], where: str) -> 
     Parameters
     ----------
     noise : None, float or array-like of shape (R,) or (R, L)
-        None is without noise.
+        None means no noise.
     shape : tuple (R, L)
     where : str
         Estimator, for the message.
