@@ -1,4 +1,4 @@
-"""A ranking by chance: what any other ranking has to beat."""
+"""A random ranking, which every other ranking has to beat."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class RandomScreener(BaseScreener):
     Parameters
     ----------
     simulator : Simulator
-        Whose parameters are ranked; it is not run.
+        Its parameters are ranked; it is not run.
     random_state : None, int, SeedSequence, Generator or RandomState
 
     Attributes

@@ -1,7 +1,8 @@
-"""From contributions to the parameters that are calibrated."""
+"""Selection of the parameters to calibrate by their contributions."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import Any
 
 import numpy as np
@@ -14,11 +15,11 @@ from errorscreen.exceptions import InputError, check_integer, check_real
 from errorscreen.metrics import ranking
 
 
-class ContributionSelector(SelectorMixin, BaseEstimator):
+class ContributionSelector(SelectorMixin, BaseEstimator, ABC):
     """Base class of selectors: `select` of a subclass picks from one score for each parameter.
 
-    As a scikit-learn feature selector it is fitted on the contributions of many samples and then picks the
-    columns of selected parameters out of any table (n, m), such as parameter values.
+    As a scikit-learn feature selector it is fitted on the contributions of many samples. `transform` then keeps the
+    columns of the selected parameters of any table (n, m), for example of parameter values.
 
     Attributes
     ----------
@@ -30,6 +31,7 @@ class ContributionSelector(SelectorMixin, BaseEstimator):
         Number of parameters m.
     """
 
+    @abstractmethod
     def select(self, scores: ArrayLike) -> NDArray[np.int64]:
         """Indices of the selected parameters, largest score first; equal scores keep their order.
 
@@ -42,7 +44,6 @@ class ContributionSelector(SelectorMixin, BaseEstimator):
         -------
         ndarray of shape (k,)
         """
-        raise NotImplementedError
 
     def fit(self, X: ArrayLike, y: Any = None) -> ContributionSelector:
         """Select by the mean contribution over the samples.
@@ -94,15 +95,14 @@ class TopKSelector(ContributionSelector):
 
 
 class RelativeThresholdSelector(ContributionSelector):
-    """The parameters whose contribution is at least some part of the largest one.
+    """The parameters whose contribution is at least a given share of the largest one.
 
-    The largest is always selected. Where no contribution is positive, nothing stands out, and all that equal
-    the largest are selected.
+    The largest is always selected. Where no contribution is positive, all that equal the largest are selected.
 
     Parameters
     ----------
     threshold : float, default 0.1
-        That part, from 0 to 1.
+        The share, from 0 to 1.
 
     Raises
     ------
