@@ -12,8 +12,8 @@ from joblib import Parallel, delayed
 from numpy.typing import ArrayLike, NDArray
 from tqdm import tqdm
 
-from errorscreen._runtime.checkpoint import Checkpoint, digest
 from errorscreen._runtime.sampling import latin_hypercube
+from errorscreen._runtime.store import Store, digest
 from errorscreen.events import Event
 from errorscreen.exceptions import DataWarning, InputError, SimulationError, check_integer, check_real
 from errorscreen.learning.datasets import ErrorDataset
@@ -258,7 +258,7 @@ def generate_dataset(
             "samples": digest(theta, rows),
             "options": digest(options),
         }
-        store = Checkpoint(checkpoint, fingerprint)
+        store = Store(checkpoint, fingerprint)
     done = _run(simulator, batches, event, options, n_jobs, progress, store)
     data = ErrorDataset(
         theta=theta,
@@ -287,7 +287,7 @@ def _run(
     options: dict[str, Any],
     n_jobs: int | None,
     progress: bool,
-    store: Checkpoint | None,
+    store: Store | None,
 ) -> list[_Batch]:
     """Simulate and label the batches that are not stored yet; return all in order."""
     done = {} if store is None else store.load(range(len(batches)))

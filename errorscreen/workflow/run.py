@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen._runtime.processes import in_subprocess
+from errorscreen._runtime.store import Store
 from errorscreen.data.observations import Observation
 from errorscreen.discovery import Verdict, channel_fits, stage_errors
 from errorscreen.events import Playback
@@ -24,7 +25,6 @@ from errorscreen.workflow.calibrate import calibrate_map, calibrate_pso
 from errorscreen.workflow.discover import discover_causes
 from errorscreen.workflow.screen import Screened, screen
 from errorscreen.workflow.search_step import search_simulator
-from errorscreen.workflow.stages import StageStore
 from errorscreen.workflow.study import Calibrated, Discovered, Outcome, Study
 
 
@@ -63,7 +63,7 @@ def run_study(
         If the network is asked for and torch is not installed.
     """
     start, started = perf_counter(), datetime.now(UTC).isoformat(timespec="seconds")
-    store = StageStore(Path(out) / "stages", report)
+    store = Store(Path(out) / "stages")
     before = tuple(_nominal(study.simulator, o) for o in study.observations)
     with _fitting(study, store, progress, report) as (check, fit):
         discovered = None
@@ -103,7 +103,7 @@ class _Fitted(NamedTuple):
 
 @contextmanager
 def _fitting(
-    study: Study, store: StageStore, progress: bool, report: Callable[[str], None]
+    study: Study, store: Store, progress: bool, report: Callable[[str], None]
 ) -> Iterator[tuple[Callable[[], None], Callable[[], _Fitted]]]:
     """Screen and calibrate, beside the search for causes where a network is to be trained and causes are searched.
 
@@ -112,16 +112,16 @@ def _fitting(
     """
 
     def here() -> _Fitted:
-        return _fitted(study, StageStore(store.root, report), progress, report)
+        return _fitted(study, Store(store.folder), progress, report)
 
-    trained = store.has("screening-cnn", study.fingerprint("screening"))
+    trained = store.under(study.fingerprint("screening")).has("screening-cnn")
     if trained or "cnn" not in study.screening.methods or not study.discovery.enabled:
         fitted = here()
         yield lambda: None, lambda: fitted
         return
     require_network()
     report(f"screening by {', '.join(study.screening.methods)} and calibration, beside what follows")
-    with in_subprocess(_fitted, study, StageStore(store.root), False, lambda line: None) as call:
+    with in_subprocess(_fitted, study, Store(store.folder), False, lambda line: None) as call:
 
         def rest() -> _Fitted:
             if not call.done:
@@ -134,7 +134,7 @@ def _fitting(
         yield call.check, rest
 
 
-def _fitted(study: Study, store: StageStore, progress: bool, report: Callable[[str], None]) -> _Fitted:
+def _fitted(study: Study, store: Store, progress: bool, report: Callable[[str], None]) -> _Fitted:
     """The published method: rank the parameters, and calibrate what is selected; beside it, all of them together."""
     screened = [_screened(method, study, store, progress, report) for method in study.screening.methods]
     calibrated, verdict = _calibrated_by_all(study, screened, store, progress, report)
@@ -142,21 +142,20 @@ def _fitted(study: Study, store: StageStore, progress: bool, report: Callable[[s
 
 
 def _screened(
-    method: str, study: Study, store: StageStore, progress: bool, report: Callable[[str], None]
+    method: str, study: Study, store: Store, progress: bool, report: Callable[[str], None]
 ) -> Screened:
     """Rank the parameters by one method, or take over what was found before."""
     report(f"screening: {method}")
-    key = study.fingerprint("screening")
-    arrays, meta = store.get(
+    stages = store.under(study.fingerprint("screening"))
+    arrays, meta = stages.get(
         f"screening-{method}",
-        key,
         lambda: screen(
             method,
             study.simulator,
             study.observation,
             study.screening,
             study.run,
-            store.folder(key),
+            stages.folder,
             progress,
         ),
     )
@@ -167,16 +166,15 @@ def _screened(
 def _calibrated_by_all(
     study: Study,
     screened: list[Screened],
-    store: StageStore,
+    store: Store,
     progress: bool,
     report: Callable[[str], None],
 ) -> tuple[list[Calibrated], Verdict]:
     """Calibrate by each method, or take over what was found before; and what follows for the cause of the error."""
     report("calibration: map on all parameters")
     settings = (study.calibration, study.run, progress)
-    arrays, meta = store.get(
+    arrays, meta = store.under(study.fingerprint("calibration", study.held_out)).get(
         "calibration-map",
-        study.fingerprint("calibration", study.held_out),
         lambda: calibrate_map(study.simulator, study.observation, study.held_out, *settings),
     )
     verdict = Verdict(**meta["verdict"])
@@ -187,9 +185,8 @@ def _calibrated_by_all(
             continue
         for one in screened:
             report(f"calibration: pso on the selection of {one.method}: {', '.join(one.names)}")
-            found = store.get(
+            found = store.under(study.fingerprint("calibration", one.names)).get(
                 f"calibration-pso-{one.method}",
-                study.fingerprint("calibration", one.names),
                 lambda one=one: calibrate_pso(  # type: ignore[misc]
                     study.simulator, study.observation, one.names, *settings
                 ),
@@ -198,13 +195,12 @@ def _calibrated_by_all(
     return calibrated, verdict
 
 
-def _discovered(study: Study, store: StageStore, report: Callable[[str], None]) -> Discovered:
+def _discovered(study: Study, store: Store, report: Callable[[str], None]) -> Discovered:
     """Search the causes, or take over what was found before."""
     # the search itself goes on where it stopped, also with other recordings to judge on
-    search = store.folder(study.fingerprint("discovery", study.together)) / "search"
-    arrays, meta = store.get(
+    search = store.under(study.fingerprint("discovery", study.together)).folder / "search"
+    arrays, meta = store.under(study.fingerprint("discovery", study.together, study.held_out)).get(
         "discovery",
-        study.fingerprint("discovery", study.together, study.held_out),
         lambda: discover_causes(
             search_simulator(study.simulator, study.discovery, study.observations),
             study.searched,
