@@ -1,4 +1,4 @@
-"""Simulated response errors with the contribution of each parameter: what rankers learn from."""
+"""Simulated response errors with the contribution of each parameter: the training set of rankers."""
 
 from __future__ import annotations
 
@@ -34,8 +34,7 @@ class ErrorDataset:
     baseline : ndarray of shape (R, L)
         y₀, the response at the nominal parameters.
     status : ndarray of shape (n,), int
-        `Status` of each sample: that of its own simulation or, if that is OK, of the first of its perturbed
-        simulations that failed.
+        `Status` of each sample: of its own simulation, or of the first of its perturbed simulations that failed.
     names : tuple of m str
         Parameters.
     channels : tuple of R str
@@ -44,7 +43,7 @@ class ErrorDataset:
     event : str
         Name of the event.
     metadata : mapping
-        How it was made; what JSON can hold.
+        How it was made; JSON values.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""From a simulator to a labelled dataset: samples, responses and contributions, equations (1)–(15)."""
+"""Labelled datasets from a simulator: samples, responses and contributions, equations (1)–(15)."""
 
 from __future__ import annotations
 
@@ -20,10 +20,8 @@ from errorscreen.learning.datasets import ErrorDataset
 from errorscreen.metrics import channel_weights
 from errorscreen.simulators.base import Simulator, Status
 
-__all__ = ["ErrorDataset", "Sensitivity", "contribution_labels", "generate_dataset", "local_sensitivity"]
-
 _FIELDS = ("responses", "contributions", "status")
-#: Bytes that a batch may take: its responses, their changes and the squares of these, beside what the engine needs
+#: bytes of a batch, and arrays of its size: responses, their changes, the squares of these, and one of the engine
 _BATCH_BYTES = 128 * 2**20
 _COPIES = 4
 _Batch = dict[str, NDArray[Any]]
@@ -39,7 +37,7 @@ class Sensitivity(NamedTuple):
     responses : ndarray of shape (n, R, L)
         Response at each sample; NaN in failed rows.
     status : ndarray of shape (n,), int
-        OK only if the sample and all its perturbed neighbours could be simulated.
+        OK only if the sample and all its perturbed neighbours were simulated.
     """
 
     values: NDArray[np.float64]
@@ -71,15 +69,14 @@ def local_sensitivity(
     event : Event, optional
         The simulator's own where not given.
     relative : bool, default True
-        Measure Δθ_j against the parameter's scale (its nominal value), as the text of the paper says ("unit
-        relative variation"): S is then in the channels' unit times √s, and does not depend on the unit of
-        the parameter. Otherwise it is per unit of the parameter, as equation (13) is printed.
+        Measure Δθ_j in multiples of the parameter's scale (its nominal value), the "unit relative variation" of the
+        paper's text. S is then in the channels' unit times √s. Otherwise S is per unit of the parameter, as equation
+        (13) is printed.
     step : float, default 1e-3
-        Δθ_j divided by the parameter's scale. The parameter is increased, or decreased where the increase
-        would leave the bounds, because a model need not exist outside them; in a range narrower than two
-        steps the step is half the range.
+        Δθ_j divided by the parameter's scale. The parameter is increased, or decreased where the increase would leave
+        the bounds, because a model need not exist there. In a range narrower than two steps, half the range.
     weights : array-like of shape (R,), optional
-        λ of the channels; 1/R each where not given, so give them if the units differ in size.
+        λ of the channels; 1/R each where not given. Give them if the units differ in size.
     mask : array-like of shape (R, L), optional
         Instants that count; all where not given.
 
@@ -98,7 +95,7 @@ def local_sensitivity(
     delta = _steps(simulator, theta, check_real(step, "step", low=0, above=True))
     rows = np.repeat(theta[:, None, :], m + 1, axis=1)
     rows[:, np.arange(1, m + 1), np.arange(m)] += delta
-    # what was really added: theta + delta is rounded
+    # the difference after rounding
     delta = np.abs(rows[:, np.arange(1, m + 1), np.arange(m)] - theta)
 
     event = simulator.event if event is None else event
@@ -132,7 +129,7 @@ def contribution_labels(
     Parameters
     ----------
     simulator, theta, event, weights, mask
-        As in `local_sensitivity`; any number of samples fits into memory.
+        As in `local_sensitivity`, but for any number of samples: they are simulated in batches.
 
     Returns
     -------
@@ -157,21 +154,21 @@ def contribution_labels(
     event = simulator.event if event is None else event
     theta = simulator.parameters.validate(theta)
     rows = _batch_rows(simulator, event)
-    blocks = [theta[start : start + rows] for start in range(0, len(theta), rows)]
     found = [
-        local_sensitivity(simulator, block, event, weights=weights, mask=mask).values for block in blocks
+        local_sensitivity(simulator, theta[i : i + rows], event, weights=weights, mask=mask).values
+        for i in range(0, len(theta), rows)
     ]
     return np.asarray(simulator.parameters.deviation(theta) * np.concatenate(found))
 
 
 def batch_length(simulator: Simulator, event: Event, batch_size: int = 1024) -> int:
-    """Return how many simulations should go to a simulator at a time: at most `batch_size`, or about 128 MB."""
+    """Number of simulations of a batch: at most `batch_size` and about 128 MB."""
     response_bytes = len(simulator.channels) * len(event.time) * np.dtype(float).itemsize
     return max(1, min(batch_size, _BATCH_BYTES // (_COPIES * response_bytes)))
 
 
 def _batch_rows(simulator: Simulator, event: Event, batch_size: int = 1024) -> int:
-    """Return how many samples `local_sensitivity` should take at a time."""
+    """Number of samples of a batch, each with its perturbed neighbours."""
     return max(1, batch_length(simulator, event, batch_size) // (len(simulator.parameters) + 1))
 
 
@@ -191,9 +188,8 @@ def generate_dataset(
 ) -> ErrorDataset:
     r"""Sample a simulator and label each sample with the contribution of each parameter.
 
-    The samples are a Latin hypercube, equation (1). The label is the deviation times the local sensitivity at
-    the sample, equations (12)–(15): :math:`c_j = r_j S_j`, see `local_sensitivity`. This costs n·(m + 1)
-    simulations.
+    The samples are a Latin hypercube, equation (1). The label is the deviation times the local sensitivity at the
+    sample, equations (12)–(15): :math:`c_j = r_j S_j`, see `local_sensitivity`. This costs n·(m + 1) simulations.
 
     Parameters
     ----------
@@ -206,21 +202,21 @@ def generate_dataset(
     relative, step, weights
         As in `local_sensitivity`.
     n_jobs : int, optional
-        Number of joblib workers; ``None`` follows ``joblib.parallel_config``, which also chooses the backend.
-        The result is the same, bit for bit, for any number.
+        Number of joblib workers; ``None`` follows ``joblib.parallel_config``, which also chooses the backend. The
+        result does not depend on it.
     batch_size : int, default 1024
-        About how many simulations go to the simulator at a time; fewer where the responses are long, so that a
-        batch takes about 128 MB.
+        Largest number of simulations of a batch; fewer where the responses are long, so that a batch takes about
+        128 MB.
     progress : bool, default False
         Show a progress bar.
     checkpoint : path-like, optional
-        Folder in which finished batches are kept. An interrupted call that is repeated with the same
-        arguments, among them a `random_state` that is not ``None``, goes on where it ended.
+        Folder for finished batches. An interrupted call resumes when it is repeated with the same arguments and a
+        `random_state` that is not ``None``.
 
     Returns
     -------
     ErrorDataset
-        Failed samples are in it, with their status; `ErrorDataset.valid` leaves them out.
+        With the failed samples; `ErrorDataset.valid` leaves them out.
 
     Raises
     ------
@@ -232,7 +228,7 @@ def generate_dataset(
     Warns
     -----
     DataWarning
-        If some samples failed: how many, and what to do about it.
+        If some samples failed: their number, and the remedy.
     """
     event = simulator.event if event is None else event
     batch_size = check_integer(batch_size, "batch_size")
@@ -241,14 +237,18 @@ def generate_dataset(
     baseline = simulator.baseline(event)
     theta = latin_hypercube(simulator.parameters, n_samples, random_state)
 
-    # fixed by the arguments alone, so that n_jobs changes nothing
+    # batches depend on the arguments alone, so that n_jobs changes nothing
     rows = _batch_rows(simulator, event, batch_size)
     batches = [theta[start : start + rows] for start in range(0, len(theta), rows)]
     options = {"relative": bool(relative), "step": step, "weights": lambdas.tolist()}
     store = None
     if checkpoint is not None:
         if random_state is None:
-            raise InputError("random_state is None, so the samples differ in each call", where="checkpoint")
+            raise InputError(
+                "random_state is None, so the samples differ in each call",
+                where="checkpoint",
+                remedy="Give random_state, for example 0",
+            )
         fingerprint = {
             "simulator": digest(
                 type(simulator).__qualname__, simulator.channels, simulator.settings(), baseline
@@ -289,7 +289,7 @@ def _run(
     progress: bool,
     store: Store | None,
 ) -> list[_Batch]:
-    """Simulate and label the batches that are not stored yet; return all in order."""
+    """Simulate and label the batches that are not stored; return all in order."""
     done = {} if store is None else store.load(range(len(batches)))
     missing = [i for i in range(len(batches)) if i not in done]
     tasks = (delayed(_label)(simulator, batches[i], event, options) for i in missing)
@@ -308,7 +308,7 @@ def _run(
                 raise
             raise KeyboardInterrupt(
                 f"{len(done)} of {len(batches)} batches are stored in {store.folder}; "
-                "the same call goes on from there"
+                "the same call resumes from there"
             ) from interrupt
     return [done[i] for i in range(len(batches))]
 
@@ -322,7 +322,7 @@ def _label(simulator: Simulator, theta: NDArray[np.float64], event: Event, optio
 
 
 def _steps(simulator: Simulator, theta: NDArray[np.float64], step: float) -> NDArray[np.float64]:
-    """Δθ of each sample and parameter, (n, m): upwards, or downwards where that would leave the bounds."""
+    """Δθ of each sample and parameter, (n, m): positive unless that leaves the bounds."""
     lower, upper = simulator.parameters.bounds.T
     size = np.minimum(step * simulator.parameters.scales, (upper - lower) / 2)
     return np.where(theta + size <= upper, size, -size)

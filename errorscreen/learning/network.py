@@ -33,22 +33,9 @@ def build_network(
     dropout: float,
     nonnegative: bool,
 ) -> nn.Sequential:
-    """Three convolution and two fully connected layers, equations (17)–(19).
+    """Three convolution and two fully connected layers, equations (17)–(19), for images of any shape (R, H, W).
 
-    Parameters
-    ----------
-    shape : tuple (R, H, W)
-        Channels, rows and columns of an image; any size from (1, 1, 1).
-    n_outputs : int
-        Number of parameters m.
-    n_filters : tuple of three int
-        Filters of the convolution layers.
-    n_hidden : int
-        Units of the first fully connected layer.
-    dropout : float
-        Share of hidden units left out in training.
-    nonnegative : bool
-        Softplus after the last layer, or nothing.
+    `nonnegative` adds Softplus after the last layer; the other arguments are those of `CNNContributionRegressor`.
 
     Examples
     --------
@@ -58,10 +45,10 @@ def build_network(
     """
     channels, *size = shape
     layers: list[nn.Module] = []
-    # Strides, not max pooling: what tells similar parameters apart are small differences of signed coefficients, and
-    # the largest of four neighbours does not keep them. The first layer looks wide, because most of the work is there.
+    # Strides, not max pooling: similar parameters differ by little in the signed coefficients, and the largest of four
+    # neighbours loses that difference. Only the first layer has a wide kernel and stride, because it costs most.
     for filters, reach, stride in zip(n_filters, (5, 3, 3), (2, 1, 2), strict=True):
-        kernel = [min(reach, 2 * length - 1) for length in size]  # a wider one would only see more padding
+        kernel = [min(reach, 2 * length - 1) for length in size]  # a wider one would only cover more padding
         layers.append(nn.Conv2d(channels, filters, kernel, stride, padding=[k // 2 for k in kernel]))
         layers += [nn.BatchNorm2d(filters), nn.ReLU()]
         size = [math.ceil(length / stride) for length in size]
@@ -78,12 +65,7 @@ def build_network(
 
 
 def find_device(name: str) -> str:
-    """Return the torch device that `name` stands for; ``"auto"`` is a GPU where there is one.
-
-    Raises
-    ------
-    InputError
-        If torch does not know the device or cannot use it here.
+    """Return the torch device of this name, or raise `InputError`; ``"auto"`` is a GPU where there is one.
 
     Examples
     --------
@@ -104,7 +86,7 @@ def find_device(name: str) -> str:
 
 @contextmanager
 def own_random_state(seed: int) -> Iterator[None]:
-    """Give torch its own random numbers and repeatable kernels for a while, and leave the caller's alone."""
+    """Give torch its own random numbers and repeatable kernels inside the block; the caller's are restored."""
     devices = range(torch.cuda.device_count())
     kernels = torch.backends.cudnn.flags(enabled=True, benchmark=False, deterministic=True)
     with torch.random.fork_rng(devices=devices), kernels:
@@ -132,10 +114,10 @@ class Progress(Callback):
 
 
 class Net(NeuralNet):
-    """Net that knows whether its training came to its end: skorch keeps quiet about an interrupted one."""
+    """Net that records whether its training was completed; skorch returns silently from an interrupted one."""
 
     def fit_loop(self, X: Any, y: Any = None, epochs: int | None = None, **parameters: Any) -> Net:
-        """Train; an interrupt, also that of early stopping, leaves `completed_` false."""
+        """Train; an interrupt, and early stopping too, leaves `completed_` false."""
         self.completed_ = False
         super().fit_loop(X, y, epochs, **parameters)
         self.completed_ = True
@@ -148,7 +130,7 @@ def wrap_network(network: nn.Module, *, device: str, batch_size: int) -> Net:
 
 
 def read_weights(net: NeuralNet) -> dict[str, NDArray[Any]]:
-    """Weights of a trained net in float32, in which they were trained."""
+    """Weights of a trained net in float32, the precision of the training."""
     return {
         name: (value.float() if value.is_floating_point() else value).cpu().numpy()
         for name, value in net.module_.state_dict().items()
@@ -156,7 +138,7 @@ def read_weights(net: NeuralNet) -> dict[str, NDArray[Any]]:
 
 
 def load_weights(net: NeuralNet, weights: Mapping[str, NDArray[Any]]) -> None:
-    """Make a net a trained one; torch raises RuntimeError where the weights do not fit."""
+    """Load weights into a net; torch raises RuntimeError where they do not fit."""
     net.initialize()
     net.module_.load_state_dict({name: torch.from_numpy(value) for name, value in weights.items()})
     net.module_.double()
@@ -179,15 +161,9 @@ def train_network(
 ) -> None:
     """Train with the Huber loss, equations (20) and (21), and keep the weights of the best epoch.
 
-    The part of the samples that judges the epochs is drawn with `split_seed`; without `patience`, or with too
-    few samples to set one aside and keep two, all epochs are run and the last weights are kept.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        Where the user stops the training: skorch would return a half-trained net.
-    InputError
-        If the loss becomes infinite or NaN.
+    The validation samples are drawn with `split_seed`. Without `patience`, or with too few samples to set one aside
+    and keep two, all epochs are run and the last weights are kept. Raises `KeyboardInterrupt` where the user stops the
+    training (skorch would return a half-trained net) and `InputError` if the loss is not finite.
     """
     n_validation = math.ceil(validation_fraction * len(X))  # as scikit-learn rounds it
     watched = patience is not None and validation_fraction * len(X) >= 1 and len(X) - n_validation >= 2
