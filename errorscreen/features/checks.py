@@ -1,4 +1,4 @@
-"""What estimators on signals and images share: checks of their input, and tables with named columns as output."""
+"""Checks of signals and images, and data frames of tables: the base of the transformers."""
 
 from __future__ import annotations
 
@@ -34,26 +34,14 @@ class StackTransformer(OneToOneFeatureMixin, TransformerMixin, BaseEstimator, AB
         ...
 
     def set_output(self, *, transform: str | None = None) -> Any:
-        """Choose the container of tables that `transform` returns; stacks and images stay arrays.
-
-        Parameters
-        ----------
-        transform : {"default", "pandas", "polars"}, optional
-            Unchanged where not given.
-        """
+        """Choose "default", "pandas" or "polars" for tables that `transform` returns; other results stay arrays."""
         if transform is not None:
             self._sklearn_output_config = {"transform": transform}
         return self
 
     @available_if(has_columns)
     def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
-        """Names of the columns of the result, which must be a table.
-
-        Parameters
-        ----------
-        input_features : array-like of str, optional
-            Names of the columns of X; those seen in fit, or ``x0``, ``x1`` and so on, where not given.
-        """
+        """Names of the columns of a table: those of X, else ``x0``, ``x1`` and so on."""
         names: NDArray[np.object_] = super().get_feature_names_out(input_features)
         return names
 
@@ -77,31 +65,11 @@ def check_stack(
     dtype: Any = (np.float64, np.float32),
     **checks: Any,
 ) -> Any:
-    """Validate a stack of samples, and set (`reset`) or compare ``estimator.shape_in_``, the shape of one sample.
+    """Validate samples (n, ...) of 2 to `max_ndim` axes; set (`reset`) or compare ``shape_in_``, the shape of one.
 
-    scikit-learn's own ``n_features_in_`` is only the first axis of that shape.
-
-    Parameters
-    ----------
-    estimator : estimator
-    X : array-like of shape (n, ...)
-        With 2 to `max_ndim` axes.
-    reset : bool
-        True in fit.
-    max_ndim : int, default 3
-    dtype, **checks
-        Passed to `sklearn.utils.validation.validate_data`.
-
-    Returns
-    -------
-    ndarray, or (X, y) where ``y`` is among the checks
-
-    Raises
-    ------
-    ValueError
-        If scikit-learn rejects X: sparse, text, complex, one axis, or values that are not finite.
-    InputError
-        If there are more axes than allowed, or the shape differs from the one in fit.
+    scikit-learn's own ``n_features_in_`` is only the first axis of that shape. Other arguments go to `validate_data`.
+    Returns X, or (X, y) where ``y`` is among the arguments. Raises `ValueError` if scikit-learn rejects X, and
+    `InputError` if there are too many axes or the shape differs from the one in fit.
     """
     checked = validate_data(estimator, X, reset=reset, allow_nd=True, dtype=dtype, **checks)
     stack: NDArray[Any] = checked[0] if isinstance(checked, tuple) else checked
@@ -140,20 +108,9 @@ def split_channels(X: NDArray[Any], n_channels: int | None, where: str) -> NDArr
 
 
 def check_noise(noise: ArrayLike | None, shape: tuple[int, ...], where: str) -> NDArray[np.float64]:
-    """Return the standard deviation of the noise of each channel and instant (R, L).
+    """Standard deviation of the noise of each channel and instant (R, L), from a scalar, (R,) or (R, L); 0 for None.
 
-    Parameters
-    ----------
-    noise : None, float or array-like of shape (R,) or (R, L)
-        None means no noise.
-    shape : tuple (R, L)
-    where : str
-        Estimator, for the message.
-
-    Raises
-    ------
-    InputError
-        If it does not fit the shape, or is negative or not finite.
+    Raises `InputError` if it does not fit the shape, or is negative or not finite.
 
     Examples
     --------

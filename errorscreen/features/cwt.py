@@ -88,8 +88,6 @@ class CWTTransformer(StackTransformer):
         Number C of images for each sample: R energies, then R real and R imaginary parts if `signed`.
     shape_in_ : tuple
         Shape of one sample in fit.
-    n_features_in_ : int
-        Length of the axis after the samples.
 
     Raises
     ------
@@ -151,14 +149,7 @@ class CWTTransformer(StackTransformer):
         self.n_jobs = n_jobs
 
     def fit(self, X: ArrayLike, y: Any = None) -> CWTTransformer:
-        """Set up axes and filters for records of this length, and the floor of the logarithm.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, R, L), or (n, R·L)
-            Response errors.
-        y : ignored
-        """
+        """Set up axes, filters and floor for errors X of shape (n, R, L), or (n, R·L)."""
         self._check_options()
         errors = self._read(X, reset=True)
         n_times = errors.shape[2]
@@ -176,16 +167,7 @@ class CWTTransformer(StackTransformer):
         return self
 
     def transform(self, X: ArrayLike) -> NDArray[Any]:
-        """Compute the images.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, R, L), or (n, R·L)
-
-        Returns
-        -------
-        ndarray of shape (n, C, H, W), or (n, C·H·W) with ``output="flat"``
-        """
+        """Images (n, C, H, W) of errors X, or rows (n, C·H·W) with ``output="flat"``."""
         check_is_fitted(self)
         errors = self._read(X, reset=False)
         n, n_channels, n_times = errors.shape
@@ -207,10 +189,7 @@ class CWTTransformer(StackTransformer):
     def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
         """Names of the columns with ``output="flat"``: channel, frequency and number of the time column.
 
-        Parameters
-        ----------
-        input_features : array-like of str, optional
-            Names of the channels where X is (n, R, L). ``x0``, ``x1`` and so on where not given, or where X is 2-D.
+        For X of shape (n, R, L), `input_features` are the R channels, ``x0``, ``x1`` and so on where not given.
 
         Examples
         --------
@@ -291,18 +270,9 @@ class CWTTransformer(StackTransformer):
 
 
 def column_weights(n_times: int, n_columns: int, dtype: Any = float) -> tuple[NDArray[np.intp], NDArray[Any]]:
-    """Samples that each column overlaps, and with what share of the column.
+    """Samples that each of W columns overlaps, and their shares of the column, both of shape (W, q).
 
-    Parameters
-    ----------
-    n_times, n_columns : int
-        Number L of samples and W of columns.
-    dtype : dtype, default float
-
-    Returns
-    -------
-    index, weight : ndarray of shape (W, q)
-        q is the largest number of samples that a column overlaps; weights of a column sum to 1.
+    q is the largest number of samples that a column overlaps; the weights of a column sum to 1.
 
     Examples
     --------
@@ -324,14 +294,7 @@ def column_weights(n_times: int, n_columns: int, dtype: Any = float) -> tuple[ND
 
 
 def pool_columns(values: NDArray[Any], index: NDArray[np.intp], weight: NDArray[Any]) -> NDArray[Any]:
-    """Mean of `values` (…, L) over each column's part of the record, shape (…, W).
-
-    Parameters
-    ----------
-    values : ndarray of shape (..., L)
-    index, weight : ndarray of shape (W, q)
-        From `column_weights`.
-    """
+    """Mean of `values` (…, L) over each column's part of the record, shape (…, W), see `column_weights`."""
     out = values[..., index[:, 0]] * weight[:, 0]
     for k in range(1, index.shape[1]):
         out += values[..., index[:, k]] * weight[:, k]

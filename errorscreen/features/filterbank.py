@@ -22,12 +22,7 @@ PRECISION = 12
 
 
 def read_wavelet(name: str) -> Any:
-    """Return the continuous wavelet that PyWavelets calls `name`.
-
-    Raises
-    ------
-    InputError
-        If PyWavelets does not know the name, or it is a discrete wavelet.
+    """Return the continuous wavelet of this name in PyWavelets, or raise `InputError`.
 
     Examples
     --------
@@ -158,35 +153,14 @@ class FilterBank:
         out[inside] = taps[delays[inside]]
         return out
 
-    def parts(self, signals: NDArray[Any], workers: int = 1) -> NDArray[Any]:
-        """Real and, for a complex wavelet, imaginary parts of the coefficients.
-
-        Parameters
-        ----------
-        signals : ndarray of shape (n, L)
-        workers : int, default 1
-            Threads of the FFT.
-
-        Returns
-        -------
-        ndarray of shape (n_parts, n, H, L)
-        """
-        spectrum = scipy.fft.rfft(signals, self._n_fft, axis=-1, workers=workers).astype(self._spectra.dtype)
+    def parts(self, signals: NDArray[Any]) -> NDArray[Any]:
+        """Real and, for a complex wavelet, imaginary parts of the coefficients of signals (n, L): (parts, n, H, L)."""
+        spectrum = scipy.fft.rfft(signals, self._n_fft, axis=-1).astype(self._spectra.dtype)
         product = spectrum[None, :, None, :] * self._spectra[:, None, :, :]
-        values = scipy.fft.irfft(product, self._n_fft, axis=-1, workers=workers, overwrite_x=True)
+        values = scipy.fft.irfft(product, self._n_fft, axis=-1, overwrite_x=True)
         return values[..., : self.n_times]
 
-    def transform(self, signals: NDArray[Any], workers: int = 1) -> NDArray[Any]:
-        """Coefficients W(a, b), complex for a complex wavelet.
-
-        Parameters
-        ----------
-        signals : ndarray of shape (n, L)
-        workers : int, default 1
-
-        Returns
-        -------
-        ndarray of shape (n, H, L)
-        """
-        parts = self.parts(signals, workers)
+    def transform(self, signals: NDArray[Any]) -> NDArray[Any]:
+        """Coefficients W(a, b) of signals (n, L), shape (n, H, L), complex for a complex wavelet."""
+        parts = self.parts(signals)
         return parts[0] + 1j * parts[1] if self.n_parts == 2 else parts[0]

@@ -31,8 +31,6 @@ class ResponseErrorTransformer(StackTransformer):
     baseline_ : ndarray of shape (R, L)
     shape_in_ : tuple
         Shape of one sample in fit.
-    n_features_in_ : int
-        Length of the axis after the samples.
 
     Raises
     ------
@@ -61,14 +59,7 @@ class ResponseErrorTransformer(StackTransformer):
         self.n_channels = n_channels
 
     def fit(self, X: ArrayLike, y: Any = None) -> ResponseErrorTransformer:
-        """Store the baseline.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, R, L), or (n, R·L)
-            Responses.
-        y : ignored
-        """
+        """Store the baseline for responses X of shape (n, R, L), or (n, R·L)."""
         name = type(self).__name__
         check_choice("missing", self.missing, ("raise", "zero"), name)
         responses = split_channels(self._read(X, reset=True), self.n_channels, name)
@@ -88,16 +79,7 @@ class ResponseErrorTransformer(StackTransformer):
         return self
 
     def transform(self, X: ArrayLike) -> NDArray[Any]:
-        """Subtract the baseline.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, R, L), or (n, R·L)
-
-        Returns
-        -------
-        ndarray of the shape of X
-        """
+        """Subtract the baseline from responses X; the result has their shape."""
         check_is_fitted(self)
         responses = self._read(X, reset=False)
         error = responses - self.baseline_.reshape(responses.shape[1:]).astype(responses.dtype)

@@ -40,8 +40,6 @@ class ChannelScaler(StackTransformer):
         Where the training set is constant, the scale is 1.
     shape_in_ : tuple
         Shape of one sample in fit.
-    n_features_in_ : int
-        Length of the axis after the samples.
 
     Notes
     -----
@@ -62,13 +60,7 @@ class ChannelScaler(StackTransformer):
         self.floor = floor
 
     def fit(self, X: ArrayLike, y: Any = None) -> ChannelScaler:
-        """Compute the statistics.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, R, H, W), (n, R, L) or (n, F)
-        y : ignored
-        """
+        """Compute the statistics of images X of shape (n, R, H, W), (n, R, L) or (n, F)."""
         check_choice("by", self.by, tuple(_POOLED), type(self).__name__)
         floor = check_real(self.floor, "floor", low=0.0, high=1.0)
         images = as_images(check_stack(self, X, reset=True, max_ndim=4))
@@ -90,21 +82,12 @@ class ChannelScaler(StackTransformer):
         return self
 
     def transform(self, X: ArrayLike) -> NDArray[Any]:
-        """Scale images by the statistics of the training set.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, R, H, W), (n, R, L) or (n, F)
-
-        Returns
-        -------
-        ndarray of the shape of X
-        """
+        """Scale images X by the statistics of the training set; the result has their shape."""
         stack, mean, scale = self._read(X)
         return ((as_images(stack) - mean) / scale).reshape(stack.shape)
 
     def inverse_transform(self, X: ArrayLike) -> NDArray[Any]:
-        """Undo `transform`; parameter and result as there."""
+        """Undo `transform`."""
         stack, mean, scale = self._read(X)
         return (as_images(stack) * scale + mean).reshape(stack.shape)
 

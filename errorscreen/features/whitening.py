@@ -47,8 +47,6 @@ class ErrorWhitener(StackTransformer):
         Factor of each direction.
     shape_in_ : tuple
         Shape of one sample in fit.
-    n_features_in_ : int
-        Length of the axis after the samples.
 
     Raises
     ------
@@ -81,14 +79,7 @@ class ErrorWhitener(StackTransformer):
         self.n_components = n_components
 
     def fit(self, X: ArrayLike, y: Any = None) -> ErrorWhitener:
-        """Learn directions and gains.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, R, L), or (n, L) for one channel
-            Errors without noise.
-        y : ignored
-        """
+        """Learn directions and gains from noise-free errors X of shape (n, R, L), or (n, L) for one channel."""
         n_components = check_integer(self.n_components, "n_components")
         floor = check_real(self.floor, "floor", low=0.0, above=True)
         stack = check_stack(self, X, reset=True, ensure_min_samples=2)
@@ -107,16 +98,7 @@ class ErrorWhitener(StackTransformer):
         return self
 
     def transform(self, X: ArrayLike) -> NDArray[Any]:
-        """Whiten errors.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, R, L), or (n, L) for one channel
-
-        Returns
-        -------
-        ndarray of the shape of X
-        """
+        """Whiten errors X; the result has their shape."""
         check_is_fitted(self)
         stack = check_stack(self, X, reset=False)
         x = self._scaled(split_channels(stack, None, type(self).__name__)) - self.mean_

@@ -73,19 +73,9 @@ class LabelRegressor(BaseEstimator):
         self.random_state = random_state
 
     def fit(self, X: ArrayLike, y: ArrayLike) -> LabelRegressor:
-        """Learn sensitivities.
+        """Learn sensitivities from parameters X (n, m) in their units and their contributions y (n, m).
 
-        Parameters
-        ----------
-        X : array-like of shape (n, m)
-            Parameters in their units.
-        y : array-like of shape (n, m)
-            Contributions of the same samples, which must not have failed.
-
-        Raises
-        ------
-        InputError
-            If there are fewer than 10 samples, or their labels do not fit or are not finite.
+        Raises `InputError` if there are fewer than 10 samples, or labels do not fit or are not finite.
         """
         theta = self.space.validate(X)
         labels = np.asarray(y, dtype=float)

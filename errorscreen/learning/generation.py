@@ -20,7 +20,6 @@ from errorscreen.learning.datasets import ErrorDataset
 from errorscreen.metrics import channel_weights
 from errorscreen.simulators.base import Simulator, Status
 
-_FIELDS = ("responses", "contributions", "status")
 #: bytes of a batch, and arrays of its size: responses, their changes, the squares of these, and one of the engine
 _BATCH_BYTES = 128 * 2**20
 _COPIES = 4
@@ -153,7 +152,7 @@ def contribution_labels(
     """
     event = simulator.event if event is None else event
     theta = simulator.parameters.validate(theta)
-    rows = _batch_rows(simulator, event)
+    rows = batch_length(simulator, event, simulations=len(simulator.parameters) + 1)
     found = [
         local_sensitivity(simulator, theta[i : i + rows], event, weights=weights, mask=mask).values
         for i in range(0, len(theta), rows)
@@ -161,15 +160,11 @@ def contribution_labels(
     return np.asarray(simulator.parameters.deviation(theta) * np.concatenate(found))
 
 
-def batch_length(simulator: Simulator, event: Event, batch_size: int = 1024) -> int:
-    """Number of simulations of a batch: at most `batch_size` and about 128 MB."""
+def batch_length(simulator: Simulator, event: Event, batch_size: int = 1024, *, simulations: int = 1) -> int:
+    """Number of samples of a batch: at most `batch_size` simulations and about 128 MB."""
     response_bytes = len(simulator.channels) * len(event.time) * np.dtype(float).itemsize
-    return max(1, min(batch_size, _BATCH_BYTES // (_COPIES * response_bytes)))
-
-
-def _batch_rows(simulator: Simulator, event: Event, batch_size: int = 1024) -> int:
-    """Number of samples of a batch, each with its perturbed neighbours."""
-    return max(1, batch_length(simulator, event, batch_size) // (len(simulator.parameters) + 1))
+    length = max(1, min(batch_size, _BATCH_BYTES // (_COPIES * response_bytes)))
+    return max(1, length // simulations)
 
 
 def generate_dataset(
@@ -238,7 +233,7 @@ def generate_dataset(
     theta = latin_hypercube(simulator.parameters, n_samples, random_state)
 
     # batches depend on the arguments alone, so that n_jobs changes nothing
-    rows = _batch_rows(simulator, event, batch_size)
+    rows = batch_length(simulator, event, batch_size, simulations=len(simulator.parameters) + 1)
     batches = [theta[start : start + rows] for start in range(0, len(theta), rows)]
     options = {"relative": bool(relative), "step": step, "weights": lambdas.tolist()}
     store = None
@@ -249,10 +244,9 @@ def generate_dataset(
                 where="checkpoint",
                 remedy="Give random_state, for example 0",
             )
+        settings = (type(simulator).__qualname__, simulator.channels, simulator.settings(), baseline)
         fingerprint = {
-            "simulator": digest(
-                type(simulator).__qualname__, simulator.channels, simulator.settings(), baseline
-            ),
+            "simulator": digest(*settings),
             "parameters": digest(list(simulator.parameters)),
             "event": digest(event),
             "samples": digest(theta, rows),
@@ -262,7 +256,7 @@ def generate_dataset(
     done = _run(simulator, batches, event, options, n_jobs, progress, store)
     data = ErrorDataset(
         theta=theta,
-        **{name: np.concatenate([batch[name] for batch in done]) for name in _FIELDS},
+        **{name: np.concatenate([batch[name] for batch in done]) for name in done[0]},
         baseline=baseline,
         names=simulator.parameters.names,
         channels=tuple(simulator.channels),
@@ -315,10 +309,9 @@ def _run(
 
 def _label(simulator: Simulator, theta: NDArray[np.float64], event: Event, options: dict[str, Any]) -> _Batch:
     """Responses, labels (equations (12)–(15)) and status of one batch of samples."""
-    sensitivity = local_sensitivity(simulator, theta, event, **options)
-    contributions = simulator.parameters.deviation(theta) * sensitivity.values
-    values = (sensitivity.responses, contributions, sensitivity.status)
-    return dict(zip(_FIELDS, values, strict=True))
+    found = local_sensitivity(simulator, theta, event, **options)
+    contributions = simulator.parameters.deviation(theta) * found.values
+    return {"responses": found.responses, "contributions": contributions, "status": found.status}
 
 
 def _steps(simulator: Simulator, theta: NDArray[np.float64], step: float) -> NDArray[np.float64]:

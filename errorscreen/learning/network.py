@@ -124,8 +124,8 @@ class Net(NeuralNet):
         return self
 
 
-def wrap_network(network: nn.Module, *, device: str, batch_size: int) -> Net:
-    """Hold a network in a skorch net that can predict and be trained on."""
+def wrap_network(network: nn.Module, device: str, batch_size: int) -> Net:
+    """Wrap a network in an untrained skorch net."""
     return Net(network, nn.HuberLoss, device=device, batch_size=batch_size, train_split=None, verbose=0)
 
 
@@ -144,46 +144,34 @@ def load_weights(net: NeuralNet, weights: Mapping[str, NDArray[Any]]) -> None:
     net.module_.double()
 
 
-def train_network(
-    net: Net,
-    X: NDArray[Any],
-    y: NDArray[Any],
-    *,
-    lr: float,
-    lr_schedule: str,
-    weight_decay: float,
-    huber_delta: float,
-    max_epochs: int,
-    patience: int | None,
-    validation_fraction: float,
-    split_seed: int,
-    progress: bool,
-) -> None:
+def train_network(net: Net, X: NDArray[Any], y: NDArray[Any], options: Any, split_seed: int) -> None:
     """Train with the Huber loss, equations (20) and (21), and keep the weights of the best epoch.
 
-    The validation samples are drawn with `split_seed`. Without `patience`, or with too few samples to set one aside
-    and keep two, all epochs are run and the last weights are kept. Raises `KeyboardInterrupt` where the user stops the
-    training (skorch would return a half-trained net) and `InputError` if the loss is not finite.
+    `options` has the parameters of `CNNContributionRegressor`. The validation samples are drawn with `split_seed`.
+    Without `patience`, or with too few samples to set one aside and keep two, all epochs are run and the last weights
+    are kept. Raises `KeyboardInterrupt` where the user stops the training (skorch would return a half-trained net) and
+    `InputError` if the loss is not finite.
     """
-    n_validation = math.ceil(validation_fraction * len(X))  # as scikit-learn rounds it
-    watched = patience is not None and validation_fraction * len(X) >= 1 and len(X) - n_validation >= 2
+    fraction, patience = options.validation_fraction, options.patience
+    n_validation = math.ceil(fraction * len(X))  # as scikit-learn rounds it
+    watched = patience is not None and fraction * len(X) >= 1 and len(X) - n_validation >= 2
     n_train = len(X) - n_validation * watched
     stopping = EarlyStopping(patience=patience, load_best=True, sink=noop)
     # down to 0 at the end of the last epoch, along half a cosine
-    cosine = LRScheduler(torch.optim.lr_scheduler.CosineAnnealingLR, T_max=max_epochs)
+    cosine = LRScheduler(torch.optim.lr_scheduler.CosineAnnealingLR, T_max=options.max_epochs)
     net.set_params(
         optimizer=torch.optim.AdamW,
-        optimizer__weight_decay=weight_decay,
-        lr=lr,
-        criterion__delta=huber_delta,
-        max_epochs=max_epochs,
+        optimizer__weight_decay=options.weight_decay,
+        lr=options.lr,
+        criterion__delta=options.huber_delta,
+        max_epochs=options.max_epochs,
         iterator_train__shuffle=True,
-        # batch normalisation has nothing to normalise in a last batch of one sample
+        # batch normalisation fails on a last batch of one sample
         iterator_train__drop_last=n_train > net.batch_size and n_train % net.batch_size == 1,
-        train_split=ValidSplit(validation_fraction, random_state=split_seed) if watched else None,
+        train_split=ValidSplit(fraction, random_state=split_seed) if watched else None,
         callbacks=[("stopping", stopping)] * watched
-        + [("schedule", cosine)] * (lr_schedule == "cosine")
-        + [("progress", Progress())] * progress,
+        + [("schedule", cosine)] * (options.lr_schedule == "cosine")
+        + [("progress", Progress())] * options.verbose,
     )
     net.fit(np.require(X, requirements="W"), y)  # torch warns of arrays that it could not write to
     if not (net.completed_ or (watched and stopping.misses_ == patience)):

@@ -84,8 +84,6 @@ class CNNContributionRegressor(RegressorMixin, BaseEstimator):
         Number of parameters m.
     shape_in_ : tuple
         Shape of one sample in fit.
-    n_features_in_ : int
-        Length of the axis after the samples.
 
     Raises
     ------
@@ -146,46 +144,16 @@ class CNNContributionRegressor(RegressorMixin, BaseEstimator):
         self.verbose = verbose
 
     def fit(self, X: ArrayLike, y: ArrayLike) -> CNNContributionRegressor:
-        """Train the network.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, R, H, W), (n, R, L) or (n, F)
-            Images.
-        y : array-like of shape (n, m) or (n,)
-            Contributions.
-        """
+        """Train with contributions y, (n, m) or (n,), on images X of shape (n, R, H, W), (n, R, L) or (n, F)."""
         network = import_network()
         self._check_options()
-        images, y = check_stack(
-            self,
-            X,
-            y=y,
-            reset=True,
-            max_ndim=4,
-            dtype=np.float32,
-            multi_output=True,
-            y_numeric=True,
-            ensure_min_samples=2,
-        )
+        checks = {"multi_output": True, "y_numeric": True, "ensure_min_samples": 2}
+        images, y = check_stack(self, X, y=y, reset=True, max_ndim=4, dtype=np.float32, **checks)
         targets = self._scale_targets(np.asarray(y, dtype=float))
         seed = check_random_state(self.random_state).randint(np.iinfo(np.int32).max)
         with network.own_random_state(seed):
             net = self._build(network)
-            network.train_network(
-                net,
-                as_images(images),
-                targets,
-                lr=self.lr,
-                lr_schedule=self.lr_schedule,
-                weight_decay=self.weight_decay,
-                huber_delta=self.huber_delta,
-                max_epochs=self.max_epochs,
-                patience=self.patience,
-                validation_fraction=self.validation_fraction,
-                split_seed=seed,
-                progress=self.verbose,
-            )
+            network.train_network(net, as_images(images), targets, self, seed)
         self.net_ = net  # only now, so that an interrupted fit leaves no net that predicts
         self.loss_curve_ = self.net_.history[:, "train_loss"]
         validated = "valid_loss" in self.net_.history[-1]
@@ -193,16 +161,7 @@ class CNNContributionRegressor(RegressorMixin, BaseEstimator):
         return self
 
     def predict(self, X: ArrayLike) -> NDArray[np.float64]:
-        """Contributions of new images.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, R, H, W), (n, R, L) or (n, F)
-
-        Returns
-        -------
-        ndarray of shape (n, m), or (n,) where fit was given a 1-D `y`
-        """
+        """Contributions (n, m) of images X, or (n,) where fit was given a 1-D y."""
         check_is_fitted(self, "net_")
         images = as_images(check_stack(self, X, reset=False, max_ndim=4, dtype=np.float32))
         network = import_network()
@@ -212,14 +171,9 @@ class CNNContributionRegressor(RegressorMixin, BaseEstimator):
         return contributions.ravel() if self._one_dimensional else contributions
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the fitted regressor to one safetensors file, weights and configuration together.
+        """Write weights and configuration to one safetensors file; return its path.
 
-        A `random_state` that is not an integer is written as None.
-
-        Raises
-        ------
-        InputError
-            If the file cannot be written.
+        A `random_state` that is not an integer is written as None. Raises `InputError` if the file cannot be written.
         """
         check_is_fitted(self, "net_")
         parameters = self.get_params(deep=False)
@@ -238,18 +192,9 @@ class CNNContributionRegressor(RegressorMixin, BaseEstimator):
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, device: str = "auto") -> CNNContributionRegressor:
-        """Read what `save` wrote; no code in the file is run.
+        """Read a file of `save`, for predictions on any `device`; no code in it is run.
 
-        Parameters
-        ----------
-        path : path-like
-        device : str, default "auto"
-            Where to predict, whatever device the network was trained on.
-
-        Raises
-        ------
-        InputError
-            If the file is missing, damaged, or of another format or version.
+        Raises `InputError` if the file is missing, damaged, or of another format or version.
         """
         network = import_network()
         arrays, meta = load_tensors(path, format=_FORMAT, version=_VERSION)
@@ -280,9 +225,7 @@ class CNNContributionRegressor(RegressorMixin, BaseEstimator):
         module = network.build_network(
             (channels, *size), self.n_outputs_, self.n_filters, self.n_hidden, self.dropout, self.nonnegative_
         )
-        return network.wrap_network(
-            module, device=network.find_device(self.device), batch_size=self.batch_size
-        )
+        return network.wrap_network(module, network.find_device(self.device), self.batch_size)
 
     def _scale_targets(self, y: NDArray[np.float64]) -> NDArray[np.float32]:
         """Choose the output layer and the scale of the labels, and scale them."""

@@ -1,4 +1,4 @@
-"""Screeners: rank the parameters by what they contribute to the error, and select the worst."""
+"""Screeners: rank parameters by their contribution to the error and select the most suspicious."""
 
 from errorscreen.screening.attribution import AttributionScreener
 from errorscreen.screening.base import BaseScreener, ParameterRanking

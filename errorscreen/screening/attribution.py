@@ -87,21 +87,7 @@ class AttributionScreener(BaseScreener):
         self.random_state = random_state
 
     def fit(self, X: Any, y: None = None) -> AttributionScreener:
-        """Calibrate all parameters on one recording or several, and rank them.
-
-        Parameters
-        ----------
-        X : Observation, or anything ``simulator.observe`` takes, or a list of them
-        y : None
-            Not used, present for scikit-learn.
-
-        Raises
-        ------
-        InputError
-            If an argument or a recording cannot be used.
-        SimulationError
-            If the fit fails, or no sample can be simulated.
-        """
+        """Calibrate all parameters and rank them; see `BaseScreener.fit`."""
         observations = as_observations(self.simulator, X)
         space = self.simulator.parameters
         n_samples = check_integer(self.n_samples, "n_samples")

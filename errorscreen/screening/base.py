@@ -104,8 +104,22 @@ class BaseScreener(BaseEstimator, ABC):
     ranked_names_: tuple[str, ...]
 
     @abstractmethod
-    def fit(self, X: Any, y: None = None) -> Any:  # noqa: D102 (said by each subclass)
-        ...
+    def fit(self, X: Any, y: None = None) -> Any:
+        """Rank the parameters.
+
+        Parameters
+        ----------
+        X : Observation, or anything ``simulator.observe`` takes, or a list of them
+        y : None
+            Not used, present for scikit-learn.
+
+        Raises
+        ------
+        InputError
+            If an argument or a recording cannot be used.
+        SimulationError
+            If simulations fail without which there is no ranking.
+        """
 
     def select(self, selector: Any) -> tuple[str, ...]:
         """Names of the selected parameters, most suspicious first.
@@ -113,12 +127,7 @@ class BaseScreener(BaseEstimator, ABC):
         Parameters
         ----------
         selector : int or object with ``select(contributions)``
-            A number K takes the K most suspicious; an object returns their indices.
-
-        Raises
-        ------
-        InputError
-            If K is not between 1 and m.
+            A number K from 1 to m takes the K most suspicious; an object returns their indices.
         """
         check_is_fitted(self, "contributions_")
         if hasattr(selector, "select"):

@@ -85,8 +85,6 @@ class ContributionScreener(RegressorMixin, BaseEstimator):
         Number of parameters m.
     shape_in_ : tuple
         Shape of one sample in fit.
-    n_features_in_ : int
-        Length of the axis after the samples.
 
     Raises
     ------
@@ -122,15 +120,7 @@ class ContributionScreener(RegressorMixin, BaseEstimator):
         self.random_state = random_state
 
     def fit(self, X: ArrayLike, y: ArrayLike) -> ContributionScreener:
-        """Learn contributions from errors.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, R, L), or (n, L) for one channel
-            Response errors.
-        y : array-like of shape (n, m)
-            Contributions, equations (14) and (15).
-        """
+        """Learn contributions y (n, m), equations (14) and (15), from errors X of shape (n, R, L), or (n, L)."""
         X, y = check_stack(self, X, y=y, reset=True, multi_output=True, y_numeric=True)
         y = np.asarray(y)
         self.n_outputs_ = 1 if y.ndim == 1 else y.shape[1]
@@ -146,50 +136,22 @@ class ContributionScreener(RegressorMixin, BaseEstimator):
         return self
 
     def predict(self, X: ArrayLike) -> NDArray[np.float64]:
-        """Predict the contribution of each parameter to each error.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, R, L), or (n, L) for one channel
-
-        Returns
-        -------
-        ndarray of shape (n, m), or (n,) where fit was given a 1-D `y`
-        """
+        """Contributions (n, m) of the parameters to errors X, or (n,) where fit was given a 1-D y."""
         check_is_fitted(self)
         errors = self._whitened(check_stack(self, X, reset=False))
         return np.asarray(self.estimator_.predict(errors), dtype=float)
 
     def rank(self, X: ArrayLike) -> NDArray[np.int64]:
-        """Rank the parameters, from the largest contribution down; equal ones keep their order.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, R, L), or (n, L) for one channel
-
-        Returns
-        -------
-        ndarray of shape (n, m)
-        """
+        """Indices (n, m) of the parameters for errors X, largest contribution first; equal ones keep their order."""
         contributions = self.predict(X)
         return ranking(contributions.reshape(len(contributions), -1))
 
     def rank_names(self, X: ArrayLike) -> list[tuple[str, ...]]:
-        """Names of the parameters from the largest contribution down, for each error.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, R, L), or (n, L) for one channel
-        """
+        """Names of the parameters for each of the errors X, largest contribution first."""
         return [tuple(self.names_[j] for j in row) for row in self.rank(X)]
 
     def ranking_of(self, error: ArrayLike) -> ParameterRanking:
-        """Ranking of the parameters for one error, with summary, plot and data frame.
-
-        Parameters
-        ----------
-        error : array-like of shape (R, L), or (L,) for one channel
-        """
+        """Ranking for one error of shape (R, L), or (L,), with summary, plot and data frame."""
         return ParameterRanking(np.ravel(self.predict(np.asarray(error)[None])), self.names_)
 
     def _whitened(self, X: Any) -> Any:

@@ -58,21 +58,7 @@ class IdentifiabilityScreener(BaseScreener):
         self.step = step
 
     def fit(self, X: Any, y: None = None) -> IdentifiabilityScreener:
-        """Rank the parameters for the events, the gaps and the noise of one recording or several.
-
-        Parameters
-        ----------
-        X : Observation, or anything ``simulator.observe`` takes, or a list of them
-        y : None
-            Not used, present for scikit-learn.
-
-        Raises
-        ------
-        InputError
-            If an argument or a recording cannot be used.
-        SimulationError
-            If the simulation at the nominal parameters fails.
-        """
+        """Rank the parameters for the events, the gaps and the noise of recordings; see `BaseScreener.fit`."""
         problem = FitProblem(self.simulator, X)
         step = check_real(self.step, "step", low=0.0, above=True)
         m = len(problem.names)

@@ -29,13 +29,7 @@ class RandomScreener(BaseScreener):
         self.random_state = random_state
 
     def fit(self, X: Any = None, y: None = None) -> RandomScreener:
-        """Draw a ranking.
-
-        Parameters
-        ----------
-        X, y : object
-            Not used, present so that all screeners are fitted alike.
-        """
+        """Draw a ranking; X and y are not used."""
         names = self.simulator.parameters.names
         self._store(generator(self.random_state).random(len(names)), names)
         return self

@@ -33,27 +33,10 @@ class ContributionSelector(SelectorMixin, BaseEstimator, ABC):
 
     @abstractmethod
     def select(self, scores: ArrayLike) -> NDArray[np.int64]:
-        """Indices of the selected parameters, largest score first; equal scores keep their order.
-
-        Parameters
-        ----------
-        scores : array-like of shape (m,)
-            One contribution for each parameter. Needs no fit.
-
-        Returns
-        -------
-        ndarray of shape (k,)
-        """
+        """Indices (k,) of the selected parameters for scores (m,), largest first; equal scores keep their order."""
 
     def fit(self, X: ArrayLike, y: Any = None) -> ContributionSelector:
-        """Select by the mean contribution over the samples.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, m)
-            Contributions.
-        y : ignored
-        """
+        """Select by the mean of contributions X (n, m) over the samples."""
         contributions = validate_data(self, X, dtype=float)
         self.scores_ = np.asarray(contributions).mean(axis=0)
         self.selected_ = self.select(self.scores_)

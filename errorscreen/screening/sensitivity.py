@@ -50,21 +50,7 @@ class SensitivityScreener(BaseScreener):
         self.weights = weights
 
     def fit(self, X: Any, y: None = None) -> SensitivityScreener:
-        """Rank the parameters for the events of one recording or several.
-
-        Parameters
-        ----------
-        X : Observation, or anything ``simulator.observe`` takes, or a list of them
-        y : None
-            Not used, present for scikit-learn.
-
-        Raises
-        ------
-        InputError
-            If an argument or a recording cannot be used.
-        SimulationError
-            If a simulation at or next to the nominal parameters fails.
-        """
+        """Rank the parameters for the events of recordings; see `BaseScreener.fit`."""
         sensitivities = []
         for observation in as_observations(self.simulator, X):
             found = local_sensitivity(
