@@ -94,10 +94,15 @@ class AttributionScreener(BaseScreener):
         channel_weights(self.weights, len(self.simulator.channels))
         for_fit, for_samples = generator(self.random_state).integers(2**31, size=2).tolist()
         default = MAPCalibrator(self.simulator, random_state=for_fit)
-        self.calibrator_ = clone(default if self.calibrator is None else self.calibrator).fit(
-            observations, None
-        )
-        self._check_calibrator()
+        calibrator = clone(default if self.calibrator is None else self.calibrator)
+        self.calibrator_ = calibrator.fit(observations, None)
+        names, own = tuple(self.calibrator_.names_), space.names
+        if names != own or self.calibrator_.simulator.parameters.names != own:
+            raise InputError(
+                f"the calibrator fitted {', '.join(names)}",
+                where="AttributionScreener",
+                allowed=f"a fit of all parameters of the simulator: {', '.join(own)}",
+            )
         theta = self.calibrator_.sample_posterior(n_samples, for_samples)
         labels = np.mean(
             [
@@ -110,21 +115,10 @@ class AttributionScreener(BaseScreener):
         self.n_failed_ = self.calibrator_.n_failed_ + len(labels) - len(self.samples_)
         if not len(self.samples_):
             raise SimulationError("no sample around the calibrated values could be simulated.")
-        self.n_simulations_ = self.calibrator_.n_simulations_ + n_samples * (len(space) + 1) * len(
-            observations
-        )
+        labelling = n_samples * (len(space) + 1) * len(observations)
+        self.n_simulations_ = self.calibrator_.n_simulations_ + labelling
         self._store(self.samples_.mean(axis=0), space.names)
         return self
-
-    def _check_calibrator(self) -> None:
-        """Refuse a fit of other parameters or of another simulator."""
-        names, own = tuple(self.calibrator_.names_), self.simulator.parameters.names
-        if names != own or self.calibrator_.simulator.parameters.names != own:
-            raise InputError(
-                f"the calibrator fitted {', '.join(names)}",
-                where="AttributionScreener",
-                allowed=f"a fit of all parameters of the simulator: {', '.join(own)}",
-            )
 
     def inclusion_probability(self, k: int) -> NDArray[np.float64]:
         """Share of the samples in which each parameter has one of the k largest contributions, shape (m,)."""

@@ -48,6 +48,12 @@ def test_entries_of_other_inputs_have_another_folder(tmp_path):
     assert store.reused == ["one"]
 
 
+def test_two_runs_at_once_may_share_a_folder(tmp_path):
+    first, second = Store(tmp_path, RUN), Store(tmp_path, RUN)
+    arrays, _ = first.get("one", lambda: second.get("one", of(1.0)))  # both compute it
+    assert arrays["x"].tolist() == second.get("one", of(2.0))[0]["x"].tolist() == [1.0] * 3
+
+
 def test_batches_come_back_by_their_numbers(tmp_path):
     Store(tmp_path, RUN).save(3, {"x": np.arange(2)})
     assert Store(tmp_path, RUN).load(range(5))[3]["x"].tolist() == [0, 1]
