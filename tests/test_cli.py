@@ -200,7 +200,7 @@ def test_bad_arguments(tmp_path, capsys):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "stages").write_text("")
     quiet = ["--out", str(tmp_path / "out"), "--quiet"]
-    refused(["run", folder(tmp_path), *quiet], "folder .*stages.*cannot be made.*finished stages", capsys)
+    refused(["run", folder(tmp_path), *quiet], "folder .*stages.*cannot be made.*finished parts", capsys)
     for arguments in ([], ["walk"], ["bench"], ["demo", "--seed", "x"]):
         with pytest.raises(SystemExit) as caught:
             main(arguments)
