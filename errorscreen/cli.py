@@ -366,7 +366,7 @@ def _stages(out: Path, options: argparse.Namespace) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        if not str(error.where).startswith((f"file {stages}", f"checkpoint {stages}")):
+        if not str(error.where).startswith((f"file {stages}", f"folder {stages}")):
             raise
         remedy = "Delete it, or forget all stages of earlier runs with --fresh"
         raise InputError(error.what, where=error.where, allowed=error.allowed, remedy=remedy) from error

@@ -66,7 +66,7 @@ def test_the_model_is_rebuilt_from_the_result_as_documented(tmp_path):
 def test_a_damaged_part_of_a_search_can_be_forgotten(tmp_path, capsys):
     case, out = folder(tmp_path, CASE.replace('"cnn", ', "")), tmp_path / "out"
     key = Study.from_case(load_case(case)).fingerprint("diagnosis", ())[:16]
-    damaged = out / "stages" / key / "search" / "checkpoint.json"
+    damaged = out / "stages" / key / "search" / "store.json"
     damaged.parent.mkdir(parents=True)
     damaged.write_text("{")
     arguments = ["diagnose", case, "--out", str(out), "--quiet"]

@@ -9,7 +9,15 @@ from sklearn.utils import estimator_checks
 from errorscreen.calibration import MAPCalibrator, PSOCalibrator
 from errorscreen.discovery import CauseFinder, FirstLook
 from errorscreen.exceptions import InputError
-from errorscreen.screening import RandomScreener, SensitivityScreener
+from errorscreen.features.checks import StackTransformer
+from errorscreen.screening import (
+    AttributionScreener,
+    BaseScreener,
+    IdentifiabilityScreener,
+    RandomScreener,
+    SensitivityScreener,
+)
+from errorscreen.screening.selection import ContributionSelector
 from errorscreen.testing import check_calibrator, check_screener, check_simulator
 from tests.toys import linear, oscillator, product_oscillator, tone
 
@@ -19,7 +27,12 @@ CALIBRATORS = [
     PSOCalibrator(SIMULATOR, n_particles=5, n_iterations=4, random_state=0),
     MAPCalibrator(SIMULATOR, n_starts=2, library_size=16, random_state=0),
 ]
-SCREENERS = [SensitivityScreener(SIMULATOR), RandomScreener(SIMULATOR, random_state=0)]
+SCREENERS = [
+    SensitivityScreener(SIMULATOR),
+    RandomScreener(SIMULATOR, random_state=0),
+    IdentifiabilityScreener(SIMULATOR),
+    AttributionScreener(SIMULATOR, n_samples=4, random_state=0),
+]
 FINDERS = [
     CauseFinder(SIMULATOR, max_effects=0, n_starts=2, library_size=16, random_state=0),
     FirstLook(SIMULATOR, n_samples=20, random_state=0),
@@ -42,9 +55,17 @@ def name(value):
 
 
 @pytest.mark.parametrize("estimator", CALIBRATORS + SCREENERS + FINDERS, ids=name)
-@pytest.mark.parametrize("check", CHECKS, ids=name)
-def test_scikit_learn_checks(check, estimator):
-    check(type(estimator).__name__, clone(estimator))
+@pytest.mark.filterwarnings("ignore:Can't test estimator")  # on tables, because X is a recording
+def test_scikit_learn_checks(estimator):
+    estimator_checks.check_estimator(estimator, on_skip=None)
+    for check in CHECKS:
+        check(type(estimator).__name__, clone(estimator))
+
+
+@pytest.mark.parametrize("base", [BaseScreener, ContributionSelector, StackTransformer])
+def test_base_classes_are_abstract(base):
+    with pytest.raises(TypeError, match="abstract"):
+        base()
 
 
 @pytest.mark.parametrize("estimator", CALIBRATORS + SCREENERS + FINDERS[:1], ids=name)

@@ -1,8 +1,8 @@
 """Files that are complete or absent, say what they are, and run no code when they are read.
 
-Every file of the package carries a format name and a version. Writers put the content into a temporary file
-in the same folder and move it into place, so an interrupted run leaves the old file or the new one, never half
-a file. Readers accept the one format and version that they know, and say what they found instead.
+Every file of the package carries a format name and a version. Writers fill a temporary file in the same folder and move
+it into place, so an interrupted run leaves the old file or the new one. Readers accept the one format and version that
+they know, and report what they found instead.
 """
 
 from __future__ import annotations
@@ -24,11 +24,13 @@ from numpy.typing import ArrayLike, NDArray
 from errorscreen.exceptions import InputError, MissingExtraError
 
 _HEADER = "errorscreen_header"
+_Path = str | os.PathLike[str]
+_Content = tuple[dict[str, NDArray[Any]], dict[str, Any]]
 
 
 @contextmanager
 def _replacing(path: Path) -> Iterator[IO[bytes]]:
-    """Open a temporary file beside `path` that takes its place when the block ends well."""
+    """Open a temporary file beside `path` that takes its place when the block ends without an error."""
     # not tempfile: its files are private to the user, and a result should follow the user's umask
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
     try:
@@ -48,35 +50,21 @@ def _replacing(path: Path) -> Iterator[IO[bytes]]:
             temporary.unlink()
 
 
-def write_bytes_atomic(path: str | os.PathLike[str], data: bytes) -> Path:
-    """Write `data` to `path`, complete or not at all, and return the path.
-
-    Raises
-    ------
-    InputError
-        If the folder does not exist or cannot be written to, or `path` is a folder.
-    """
+def write_bytes_atomic(path: _Path, data: bytes) -> Path:
+    """Write `data` to `path` completely or not at all; `InputError` if that is impossible."""
     path = Path(path)
     with _replacing(path) as handle:
         handle.write(data)
     return path
 
 
-def write_text_atomic(path: str | os.PathLike[str], text: str) -> Path:
-    """Write `text` in UTF-8 to `path`, complete or not at all, and return the path.
-
-    Raises
-    ------
-    InputError
-        As `write_bytes_atomic`.
-    """
+def write_text_atomic(path: _Path, text: str) -> Path:
+    """Write `text` in UTF-8, otherwise as `write_bytes_atomic`."""
     return write_bytes_atomic(path, text.encode("utf-8"))
 
 
 def to_jsonable(value: Any) -> Any:
-    """Turn NumPy values, tuples, paths and mappings into what JSON knows.
-
-    Numbers that are not finite become ``None``, because JSON has no word for them.
+    """Turn NumPy values, tuples, paths and mappings into JSON values; numbers that are not finite become None.
 
     Raises
     ------
@@ -110,74 +98,43 @@ def to_jsonable(value: Any) -> Any:
 
 
 def write_json_atomic(
-    path: str | os.PathLike[str], data: Any, *, format: str | None = None, version: int | None = None
+    path: _Path, data: Any, *, format: str | None = None, version: int | None = None
 ) -> Path:
-    """Write `data` as JSON to `path`, complete or not at all, and return the path.
-
-    Parameters
-    ----------
-    path : path-like
-    data : object
-        What `to_jsonable` accepts; a mapping where `format` is given.
-    format, version : str and int, optional
-        Written as the first two keys, for `read_json`.
-
-    Raises
-    ------
-    InputError
-        If the data hold what JSON cannot, or the file cannot be written.
-    """
+    """Write `data`, which `to_jsonable` must accept, as JSON; `format` and `version` are for `read_json`."""
     if format is not None:
         data = {"format": format, "version": version, **data}
     return write_text_atomic(path, json.dumps(to_jsonable(data), indent=2, allow_nan=False) + "\n")
 
 
-def read_json(path: str | os.PathLike[str], *, format: str, version: int) -> dict[str, Any]:
+def read_json(path: _Path, *, format: str, version: int) -> dict[str, Any]:
     """Read a JSON file that `write_json_atomic` wrote, without its ``format`` and ``version``.
 
-    Raises
-    ------
-    InputError
-        If the file is missing, is not JSON, or is of another format or version.
+    Raises `InputError` if the file is missing, is not JSON, or is of another format or version.
     """
-    where = f"file {path}"
-    data = _parse_header(_existing(path).read_bytes(), where, format)
-    _check_header(data, format, version, where)
+    data = _header_in(_existing(path).read_bytes(), path, format, version)
     return {key: value for key, value in data.items() if key not in ("format", "version")}
 
 
 def save_arrays(
-    path: str | os.PathLike[str],
+    path: _Path,
     *,
     format: str,
     version: int,
     arrays: Mapping[str, ArrayLike],
     meta: Mapping[str, Any] | None = None,
 ) -> Path:
-    """Write named arrays and a JSON header into one ``.npz`` file, complete or not at all.
+    """Write named arrays and a JSON header into one ``.npz`` file, completely or not at all.
 
     Parameters
     ----------
     path : path-like
         Used as it is; no suffix is added.
-    format : str
-        Name of the format, for example ``"errorscreen-dataset"``.
-    version : int
-        Version of the format.
+    format, version : str and int
+        For example ``"errorscreen-dataset"`` and 1.
     arrays : mapping of str to array-like
         Numbers, booleans or text; not Python objects.
     meta : mapping, optional
-        What `to_jsonable` accepts.
-
-    Returns
-    -------
-    Path
-        The path written.
-
-    Raises
-    ------
-    InputError
-        If an array holds Python objects, `meta` holds what JSON cannot, or the file cannot be written.
+        Values that `to_jsonable` accepts.
 
     Examples
     --------
@@ -197,46 +154,33 @@ def save_arrays(
     return path
 
 
-def load_arrays(
-    path: str | os.PathLike[str], *, format: str, version: int
-) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-    """Read what `save_arrays` wrote; no code in the file is run.
+def load_arrays(path: _Path, *, format: str, version: int) -> _Content:
+    """Read arrays and meta that `save_arrays` wrote; no code in the file is run.
 
-    Returns
-    -------
-    arrays : dict of str to ndarray
-    meta : dict
-
-    Raises
-    ------
-    InputError
-        If the file is missing, damaged, or of another format or version.
+    Raises `InputError` if the file is missing, damaged, or of another format or version.
     """
-    where, existing = f"file {path}", _existing(path)
+    existing = _existing(path)
     try:
         # opened here, because numpy leaves a damaged file open
         with existing.open("rb") as handle, np.load(handle, allow_pickle=False) as content:
             arrays = {name: content[name] for name in content.files}
-    except (ValueError, EOFError, TypeError, zipfile.BadZipFile, zlib.error) as error:
-        raise _foreign(where, format) from error
-    if _HEADER not in arrays:
-        raise _foreign(where, format)
-    header = _parse_header(arrays.pop(_HEADER).tobytes(), where, format)
-    _check_header(header, format, version, where)
-    return arrays, header.get("meta", {})
+        header = arrays.pop(_HEADER).tobytes()
+    except (ValueError, EOFError, TypeError, KeyError, zipfile.BadZipFile, zlib.error) as error:
+        raise _foreign(path, format) from error
+    return arrays, _header_in(header, path, format, version).get("meta", {})
 
 
 def save_tensors(
-    path: str | os.PathLike[str],
+    path: _Path,
     *,
     format: str,
     version: int,
     arrays: Mapping[str, ArrayLike],
     meta: Mapping[str, Any] | None = None,
 ) -> Path:
-    """Write named arrays and a JSON header into one safetensors file; otherwise as `save_arrays`.
+    """Write arrays and a JSON header into one safetensors file; as `save_arrays`, with the ``cnn`` extra.
 
-    Weights and configuration share one file, so they cannot come apart. Needs the ``cnn`` extra.
+    Weights and configuration share one file, so they cannot come apart.
     """
     try:
         from safetensors.numpy import save
@@ -246,26 +190,19 @@ def save_tensors(
     return write_bytes_atomic(path, save(content, {_HEADER: _header(format, version, meta).decode()}))
 
 
-def load_tensors(
-    path: str | os.PathLike[str], *, format: str, version: int
-) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-    """Read what `save_tensors` wrote; otherwise as `load_arrays`. Needs the ``cnn`` extra."""
+def load_tensors(path: _Path, *, format: str, version: int) -> _Content:
+    """Read arrays and meta that `save_tensors` wrote; otherwise as `load_arrays`."""
     try:
         from safetensors import SafetensorError, safe_open
     except ImportError as error:
         raise MissingExtraError("safetensors", extra="cnn") from error
-    where = f"file {path}"
     try:
         with safe_open(_existing(path), framework="np") as content:
-            text = (content.metadata() or {}).get(_HEADER)
+            header = (content.metadata() or {})[_HEADER].encode()
             arrays = {name: content.get_tensor(name) for name in content.keys()}  # noqa: SIM118 (no iterator)
-    except SafetensorError as error:
-        raise _foreign(where, format) from error
-    if text is None:
-        raise _foreign(where, format)
-    header = _parse_header(text.encode(), where, format)
-    _check_header(header, format, version, where)
-    return arrays, header.get("meta", {})
+    except (SafetensorError, KeyError) as error:
+        raise _foreign(path, format) from error
+    return arrays, _header_in(header, path, format, version).get("meta", {})
 
 
 def _header(format: str, version: int, meta: Mapping[str, Any] | None) -> bytes:
@@ -282,26 +219,23 @@ def _plain(name: str, array: ArrayLike) -> NDArray[Any]:
     return values
 
 
-def _existing(path: str | os.PathLike[str]) -> Path:
+def _existing(path: _Path) -> Path:
     path = Path(path)
     if not path.is_file():
         raise InputError("is not there" if not path.exists() else "is no file", where=f"file {path}")
     return path
 
 
-def _parse_header(data: bytes, where: str, format: str) -> dict[str, Any]:
+def _header_in(data: bytes, path: _Path, format: str, version: int) -> dict[str, Any]:
+    """Parse a JSON header and compare its format and version."""
     try:
-        header = json.loads(data)
-    except ValueError as error:
-        raise _foreign(where, format) from error
-    if not isinstance(header, dict) or "format" not in header:
-        raise _foreign(where, format)
-    return header
-
-
-def _check_header(header: Mapping[str, Any], format: str, version: int, where: str) -> None:
-    if header["format"] != format:
-        raise InputError(f"is of format {header['format']!r}", where=where, allowed=f"format {format!r}")
+        header: dict[str, Any] = json.loads(data)
+        found = header["format"]
+    except (ValueError, TypeError, KeyError) as error:
+        raise _foreign(path, format) from error
+    where = f"file {path}"
+    if found != format:
+        raise InputError(f"is of format {found!r}", where=where, allowed=f"format {format!r}")
     found = header.get("version")
     if found != version:
         newer = isinstance(found, int) and found > version
@@ -311,11 +245,12 @@ def _check_header(header: Mapping[str, Any], format: str, version: int, where: s
             allowed=f"version {version}",
             remedy="Install a newer errorscreen" if newer else "Make the file anew with this errorscreen",
         )
+    return header
 
 
-def _foreign(where: str, format: str) -> InputError:
+def _foreign(path: _Path, format: str) -> InputError:
     return InputError(
         f"is damaged or was not written by errorscreen as {format!r}",
-        where=where,
+        where=f"file {path}",
         remedy="Check the path, or make the file anew",
     )

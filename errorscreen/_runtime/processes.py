@@ -1,4 +1,4 @@
-"""A call that runs in a process of its own while this one goes on."""
+"""A call in a process of its own while this one continues."""
 
 from __future__ import annotations
 
@@ -19,42 +19,33 @@ import cloudpickle
 from loky import ProcessPoolExecutor
 from tqdm import tqdm
 
-#: seconds between two looks at whether the parent is still there
-_LOOKS = 1.0
+#: seconds between two checks that the parent is alive
+_CHECK_EVERY = 1.0
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
 
 
 class Call(Generic[_T]):
-    """A call that another process makes.
-
-    Parameters
-    ----------
-    future : Future
-        Its result and its warnings.
-    """
+    """A call in another process; its future holds the result and the warnings."""
 
     def __init__(self, future: Future[tuple[_T, list[Warning | str]]]) -> None:
         self._future = future
 
     @property
     def done(self) -> bool:
-        """Whether nothing goes on any more."""
+        """Whether the call has ended, with a result or an error."""
         return self._future.done()
 
     def check(self) -> None:
-        """Raise what the call has raised, if it has ended so."""
+        """Raise the error of a call that has failed by now."""
         if self.done:
             with suppress(BrokenExecutor):
                 self._future.result()
 
     def result(self) -> _T:
-        """Wait for the result and return it, with the warnings of the call, or raise what it has raised.
+        """Wait for the result and return it, or raise the error of the call; repeat its warnings here.
 
-        Raises
-        ------
-        BrokenExecutor
-            If the process could not begin, or was killed: the call can still be made here.
+        Raises `BrokenExecutor` if the process could not start or was killed: the call can still be made here.
         """
         found, warned = self._future.result()
         for warning in warned:
@@ -64,21 +55,11 @@ class Call(Generic[_T]):
 
 @contextmanager
 def in_subprocess(function: Callable[_P, _T], *args: _P.args, **kwargs: _P.kwargs) -> Iterator[Call[_T]]:
-    """Begin a call in a process of its own; at the end of the block that process ends, whether it is done or not.
+    """Start a call in a process of its own, which ends with the block, whether the call is done or not.
 
-    Worth it where much of the time is spent in the interpreter, whose lock threads share. Settings that joblib or
-    threadpoolctl have in this process are not those of the other one.
-
-    Parameters
-    ----------
-    function : callable
-        What it and its arguments hold is copied at once; what it changes stays in its process.
-    *args, **kwargs
-        Of the call.
-
-    Yields
-    ------
-    Call
+    It helps where much of the time is spent in the interpreter, whose lock threads share. The function and its
+    arguments are copied; changes of them stay in the other process. Settings of joblib and threadpoolctl do not carry
+    over.
 
     Examples
     --------
@@ -95,10 +76,8 @@ def in_subprocess(function: Callable[_P, _T], *args: _P.args, **kwargs: _P.kwarg
             task = cloudpickle.dumps(partial(function, *args, **kwargs))
             pool = ProcessPoolExecutor(1, initializer=_prepare, initargs=(os.getpid(),))
             future = pool.submit(_recorded, task)
-        except (
-            Exception
-        ) as error:  # what cannot be copied, no memory, no right to begin a process inside of a worker
-            future.set_exception(BrokenExecutor(f"no process could begin: {error}"))
+        except Exception as error:  # not picklable, no memory, or no right to start a process inside a worker
+            future.set_exception(BrokenExecutor(f"no process could start: {error}"))
         yield Call(future)
     finally:
         if pool is not None:
@@ -106,21 +85,21 @@ def in_subprocess(function: Callable[_P, _T], *args: _P.args, **kwargs: _P.kwarg
 
 
 def _recorded(task: bytes) -> tuple[object, list[Warning | str]]:
-    """Result of a call, and its warnings, which the process that waits shows as its own."""
+    """Result of a call and its warnings."""
     with warnings.catch_warnings(record=True) as warned:
         return cloudpickle.loads(task)(), [warning.message for warning in warned]
 
 
 def _prepare(parent: int) -> None:
-    """Leave Ctrl-C, which a terminal sends to all processes, to the one that waits; and leave nothing behind."""
+    """Prepare the process: leave Ctrl-C to the parent, and end with it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # progress bars share a lock with other processes otherwise, and one that was killed is reported to have leaked it
+    # a lock shared with other processes would be reported as leaked if this process is killed
     tqdm.set_lock(threading.RLock())
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
 
 
 def _end_with(parent: int) -> None:
-    """End this process when its parent has been killed (where the system tells)."""
+    """End this process when its parent has been killed (where the system reports that)."""
     while os.getppid() == parent:
-        time.sleep(_LOOKS)
+        time.sleep(_CHECK_EVERY)
     os._exit(1)

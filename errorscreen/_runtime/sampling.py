@@ -13,17 +13,9 @@ from errorscreen.parameters import ParameterSpace
 
 
 def generator(random_state: Any = None) -> np.random.Generator:
-    """Return a generator for what scikit-learn calls a ``random_state``.
+    """Return a generator for a ``random_state`` of scikit-learn or NumPy, or raise `InputError`.
 
-    Parameters
-    ----------
-    random_state : None, int, SeedSequence, Generator or RandomState
-        A Generator is used as it is, so it moves on; ``None`` draws fresh entropy.
-
-    Raises
-    ------
-    InputError
-        If it is none of these.
+    A Generator is returned itself, so that it advances; None draws fresh entropy.
     """
     if isinstance(random_state, np.random.RandomState):
         # one draw: the same state gives the same samples, and the next call gives others
@@ -38,27 +30,9 @@ def generator(random_state: Any = None) -> np.random.Generator:
 
 
 def latin_hypercube(space: ParameterSpace, n: int, random_state: Any = None) -> NDArray[np.float64]:
-    """Latin hypercube inside the bounds, equation (1): all parameters deviate at once.
+    """Latin hypercube of shape (n, m) inside the bounds of m parameters, in their units, equation (1).
 
     Each parameter's range is cut into `n` intervals of equal width, and each interval holds one sample.
-
-    Parameters
-    ----------
-    space : ParameterSpace
-        The m parameters.
-    n : int
-        Number of samples.
-    random_state : None, int, SeedSequence, Generator or RandomState
-
-    Returns
-    -------
-    ndarray of shape (n, m)
-        In the parameters' units.
-
-    Raises
-    ------
-    InputError
-        If `n` is not a positive integer or the space is empty.
 
     Examples
     --------

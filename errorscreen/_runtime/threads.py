@@ -1,4 +1,4 @@
-"""What runs on one thread so that a result does not depend on how many cores a machine has, and what on several."""
+"""Threads whose number does not change a result: one for BLAS, several for independent calls."""
 
 from __future__ import annotations
 
@@ -14,25 +14,16 @@ from threadpoolctl import threadpool_limits
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
 _GROUP = local()
-#: threads beside the callers' own
+#: largest number of threads beside the callers' own
 _MOST = 128
 
 
 def one_blas_thread(function: Callable[_P, _T]) -> Callable[_P, _T]:
-    """Let a function's matrix products run on one thread.
+    """Limit BLAS to one thread while a function runs.
 
-    On several threads a product is summed in another order, and the last digits differ. A search with many local
-    minima, such as those of thresholds and timers, can then end in another one. Simulations keep their threads; their
-    results do not depend on these.
-
-    Parameters
-    ----------
-    function : callable
-
-    Returns
-    -------
-    callable
-        The same, with BLAS limited to one thread while it runs.
+    Several threads sum a product in another order, and the last digits differ. A search with many local minima, such
+    as those of thresholds and timers, can then end in another one. Simulations keep their threads, which do not change
+    their results.
 
     Examples
     --------
@@ -51,22 +42,11 @@ def one_blas_thread(function: Callable[_P, _T]) -> Callable[_P, _T]:
 
 
 def parallel_map(calls: Iterable[Callable[[], _T]], threads: int) -> list[_T]:
-    """Results of some calls in their order, made in so many threads, of which the caller's is one.
+    """Make calls without arguments in `threads` threads, of which the caller's is one; results keep their order.
 
-    Worth it where most of the time is spent in compiled code that releases the interpreter lock. Each call must have
-    its own random numbers, so that its result does not depend on the others. After an exception nothing more begins,
-    and after Ctrl-C nothing is waited for.
-
-    Parameters
-    ----------
-    calls : iterable of callable
-        Without arguments.
-    threads : int
-        With one, nothing is started, and calls may use threads of their own.
-
-    Returns
-    -------
-    list
+    It helps where most of the time is spent in compiled code that releases the interpreter lock. Each call must have
+    its own random numbers, so that its result does not depend on the others. After an exception no further call
+    starts, and after Ctrl-C none is awaited. With one thread, calls may use threads of their own.
 
     Examples
     --------
@@ -94,16 +74,13 @@ def parallel_map(calls: Iterable[Callable[[], _T]], threads: int) -> list[_T]:
 
 
 def threads_left(threads: int) -> int:
-    """As many threads, or fewer inside of a call that runs beside others.
-
-    These share the cores already; the last of them have those of the others that have ended.
-    """
+    """Return `threads`, or fewer inside a call of `parallel_map`: the calls that still run share its threads."""
     group: _Group[Any] | None = getattr(_GROUP, "now", None)
     return threads if group is None else min(threads, group.share)
 
 
 class _Group(Generic[_T]):
-    """Calls that some threads share: each takes the next one as long as there is one."""
+    """Calls that several threads work off; each takes the next one."""
 
     def __init__(self, calls: list[Callable[[], _T]], threads: int) -> None:
         self._calls, self._threads, self._lock = calls, threads, Lock()
@@ -117,7 +94,7 @@ class _Group(Generic[_T]):
         return max(1, self._threads // max(1, self._left))
 
     def work(self) -> None:
-        """Make calls until all have begun."""
+        """Make calls until all have started."""
         outer, _GROUP.now = getattr(_GROUP, "now", None), self
         try:
             while (number := self._next()) < len(self._calls):
@@ -132,7 +109,7 @@ class _Group(Generic[_T]):
             _GROUP.now = outer
 
     def end(self) -> None:
-        """Let no more calls begin."""
+        """Start no more calls."""
         with self._lock:
             self._begun = len(self._calls)
 
@@ -144,9 +121,9 @@ class _Group(Generic[_T]):
 
 @cache
 def _pool() -> ThreadPoolExecutor:
-    """Threads that wait for calls: to start one takes as long as a small batch of simulations.
+    """Threads that wait for calls, because starting one takes as long as a small batch of simulations.
 
-    There are as many as were ever needed at a time. Where none is free, the caller makes all calls itself.
+    Where none is free, the caller makes all calls itself.
     """
     return ThreadPoolExecutor(_MOST)
 

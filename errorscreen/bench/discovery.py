@@ -15,7 +15,7 @@ from joblib import Parallel, delayed
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from errorscreen._runtime.checkpoint import Checkpoint, digest, program
+from errorscreen._runtime.store import Store, digest, program
 from errorscreen.bench.discovery_output import write_discovery
 from errorscreen.bench.discovery_rates import summarise
 from errorscreen.bench.grid_scenarios import draw_grid_scenario
@@ -141,7 +141,7 @@ def discovery_study(
         "seed, noise and size": digest(seed, noise_db, least_size, largest_size),
         "mix": digest(mix, kinds),
     }
-    store = Checkpoint(Path(out) / "stages", fingerprint)
+    store = Store(Path(out) / "stages", fingerprint)
     records = {i: _unpack(found) for i, found in store.load(range(scenarios)).items()}
     report(f"{scenarios} scenarios" + (f", {len(records)} of them finished before" if records else ""))
     missing = [i for i in range(scenarios) if i not in records]

@@ -13,7 +13,7 @@ from joblib import Parallel, delayed
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from errorscreen._runtime.checkpoint import Checkpoint, digest, program
+from errorscreen._runtime.store import Store, digest, program
 from errorscreen.bench.paper_draw import (
     CALIBRATED,
     FIT_EVENTS,
@@ -159,7 +159,7 @@ def paper_study(
     }
     step_errors = step_error(setting)
     read, trained = _read(setting, draws, network, step_errors, out, fingerprint, report, progress)
-    store = Checkpoint(out / "stages" / "draws", fingerprint)
+    store = Store(out / "stages" / "draws", fingerprint)
     done = store.load(range(draws))
     report(f"{draws} draws" + (f", {len(done)} of them finished before" if done else ""))
     missing = [i for i in range(draws) if i not in done]
@@ -239,7 +239,7 @@ def _read(
 ) -> tuple[_Array, dict[str, Any]]:
     """Contributions (draws, m) that the network reads off the calibration event, and what its training took."""
     effort, event = setting.effort, setting.events[FIT_EVENTS[0]]
-    store = Checkpoint(out / "stages" / f"network-{draws}", fingerprint)
+    store = Store(out / "stages" / f"network-{draws}", fingerprint)
     stored = store.load([0])
     if not stored:
         simulator = load_ieee39(step=STEP)

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
-from errorscreen._runtime.checkpoint import Checkpoint, digest, program
 from errorscreen._runtime.sampling import generator
+from errorscreen._runtime.store import Store, digest, program
 from errorscreen._runtime.threads import one_blas_thread
 from errorscreen.calibration import MAPCalibrator
 from errorscreen.calibration.problem import FitProblem
@@ -393,7 +393,7 @@ class CauseFinder(BaseEstimator):
             "arguments": digest(*arguments, self.n_starts, self.library_size),
             "seed": digest(self._seed),
         }
-        return Journal(Checkpoint(self.checkpoint, fingerprint))
+        return Journal(Store(self.checkpoint, fingerprint))
 
     def _calibrate(
         self, observations: Sequence[Observation], base: Hypothesis | None = None

@@ -275,6 +275,12 @@ class FirstLook(BaseEstimator):
         found = self.screener_.predict(np.where(observation.mask, error, 0.0)[None])
         return np.asarray(found)[0]
 
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.input_tags.two_d_array = False  # X is a recording
+        tags.target_tags.required = False
+        return tags
+
     def _one(self, recording: Any) -> Observation:
         observations = as_observations(self.simulator, recording)
         if len(observations) != 1:

@@ -1,15 +1,59 @@
-"""Checks that the estimators of this floor share: stacks of signals or images, and options."""
+"""Checks of signals and images, and data frames of tables: the base of the transformers."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from sklearn.base import BaseEstimator, OneToOneFeatureMixin, TransformerMixin
+from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import validate_data
 
 from errorscreen.exceptions import InputError, check_integer
+
+
+def has_columns(transformer: Any) -> bool:
+    """Condition of `get_feature_names_out` for `available_if`."""
+    if not transformer._is_table():
+        raise AttributeError("Only a table has named columns; stacks of signals and images stay arrays.")
+    return True
+
+
+class StackTransformer(OneToOneFeatureMixin, TransformerMixin, BaseEstimator, ABC):
+    """Base class of transformers of tables (n, F), stacks of signals (n, R, L) and images (n, R, H, W).
+
+    `set_output` makes data frames of tables. Stacks of signals and images have no columns and stay arrays, so that a
+    pipeline that ends in a table can be set as a whole.
+    """
+
+    @abstractmethod
+    def fit(self, X: ArrayLike, y: Any = None) -> Any:  # noqa: D102 (said by each subclass)
+        ...
+
+    def set_output(self, *, transform: str | None = None) -> Any:
+        """Choose "default", "pandas" or "polars" for tables that `transform` returns; other results stay arrays."""
+        if transform is not None:
+            self._sklearn_output_config = {"transform": transform}
+        return self
+
+    @available_if(has_columns)
+    def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
+        """Names of the columns of a table: those of X, else ``x0``, ``x1`` and so on."""
+        names: NDArray[np.object_] = super().get_feature_names_out(input_features)
+        return names
+
+    def _is_table(self) -> bool:
+        """Whether `transform` returns a table; assumed before `fit`."""
+        return len(getattr(self, "shape_in_", (0,))) == 1
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.input_tags.three_d_array = True
+        tags.transformer_tags.preserves_dtype = ["float64", "float32"]
+        return tags
 
 
 def check_stack(
@@ -21,32 +65,11 @@ def check_stack(
     dtype: Any = (np.float64, np.float32),
     **checks: Any,
 ) -> Any:
-    """Validate a stack of samples and hold it to the shape seen in fit.
+    """Validate samples (n, ...) of 2 to `max_ndim` axes; set (`reset`) or compare ``shape_in_``, the shape of one.
 
-    Sets (`reset`) or compares ``estimator.shape_in_``, the shape of one sample: scikit-learn's own
-    ``n_features_in_`` is only the first axis of it.
-
-    Parameters
-    ----------
-    estimator : estimator
-    X : array-like of shape (n, ...)
-        With 2 to `max_ndim` axes.
-    reset : bool
-        True in fit.
-    max_ndim : int, default 3
-    dtype, **checks
-        Passed to `sklearn.utils.validation.validate_data`.
-
-    Returns
-    -------
-    ndarray, or (X, y) where ``y`` is among the checks
-
-    Raises
-    ------
-    ValueError
-        What scikit-learn rejects: sparse, text, complex, one axis, values that are not finite.
-    InputError
-        If there are more axes than allowed, or the shape differs from the one in fit.
+    scikit-learn's own ``n_features_in_`` is only the first axis of that shape. Other arguments go to `validate_data`.
+    Returns X, or (X, y) where ``y`` is among the arguments. Raises `ValueError` if scikit-learn rejects X, and
+    `InputError` if there are too many axes or the shape differs from the one in fit.
     """
     checked = validate_data(estimator, X, reset=reset, allow_nd=True, dtype=dtype, **checks)
     stack: NDArray[Any] = checked[0] if isinstance(checked, tuple) else checked
@@ -63,7 +86,7 @@ def check_stack(
 
 
 def split_channels(X: NDArray[Any], n_channels: int | None, where: str) -> NDArray[Any]:
-    """View a stack as (n, R, L): 2-D input is one channel, or `n_channels` channels in one row after another.
+    """View a stack as (n, R, L): a row of 2-D input holds one channel, or `n_channels` one after another.
 
     Examples
     --------
@@ -85,20 +108,9 @@ def split_channels(X: NDArray[Any], n_channels: int | None, where: str) -> NDArr
 
 
 def check_noise(noise: ArrayLike | None, shape: tuple[int, ...], where: str) -> NDArray[np.float64]:
-    """Return the standard deviation of the noise of each channel and instant (R, L).
+    """Standard deviation of the noise of each channel and instant (R, L), from a scalar, (R,) or (R, L); 0 for None.
 
-    Parameters
-    ----------
-    noise : None, float or array-like of shape (R,) or (R, L)
-        None is without noise.
-    shape : tuple (R, L)
-    where : str
-        Estimator, for the message.
-
-    Raises
-    ------
-    InputError
-        If it does not fit the shape, or is negative or not finite.
+    Raises `InputError` if it does not fit the shape, or is negative or not finite.
 
     Examples
     --------

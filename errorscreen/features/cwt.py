@@ -7,11 +7,17 @@ from typing import Any
 import numpy as np
 from joblib import Parallel, delayed, effective_n_jobs
 from numpy.typing import ArrayLike, NDArray
-from sklearn.base import BaseEstimator, TransformerMixin
+from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import check_is_fitted
 
 from errorscreen.exceptions import InputError, check_integer, check_real
-from errorscreen.features.checks import check_choice, check_stack, split_channels
+from errorscreen.features.checks import (
+    StackTransformer,
+    check_choice,
+    check_stack,
+    has_columns,
+    split_channels,
+)
 from errorscreen.features.filterbank import (
     PRECISION,
     FilterBank,
@@ -24,16 +30,16 @@ from errorscreen.features.filterbank import (
 _BLOCK_BYTES = 2**20
 
 
-class CWTTransformer(TransformerMixin, BaseEstimator):
+class CWTTransformer(StackTransformer):
     r"""Wavelet energy images of response errors, equations (5)–(8), (10), (11) and (16).
 
     Parameters
     ----------
     wavelet : str, default "cmor2.0-1.0"
-        Continuous wavelet, by PyWavelets' name. The default is the Morlet wavelet with unit Gaussian and
-        ω₀ = 2π. It is complex, so its energy follows the envelope of an oscillation; the energy of the real
-        ``"morl"`` drops to zero twice in each period. At centre frequency 1 the frequency axis is exact,
-        while PyWavelets rounds others to 1/16.
+        Continuous wavelet, by PyWavelets' name. The default is the Morlet wavelet with unit Gaussian and ω₀ = 2π.
+        It is complex, so its energy follows the envelope of an oscillation; the energy of the real ``"morl"`` drops
+        to zero twice in each period. At centre frequency 1 the frequency axis is exact; PyWavelets rounds others to
+        1/16.
     sampling_period : float, default 1.0
         Time between samples in seconds.
     f_min, f_max : float, optional
@@ -47,22 +53,21 @@ class CWTTransformer(TransformerMixin, BaseEstimator):
     energy : {"log", "linear"}, default "log"
         ``"log"`` gives log₁₀(E + floor of the channel).
     floor : float, default 1e-3
-        With ``energy="log"``: the floor of a channel as a multiple of its mean square in fit, so energies far
-        below the errors of the training set all look alike.
+        With ``energy="log"``: the floor of a channel as a multiple of its mean square in fit. Energies far below the
+        errors of the training set then look alike.
     signed : {False, "linear", "compressed"}, default False
-        Append the real and, for a complex wavelet, the imaginary part of the coefficients as further
-        channels; they tell a rise from a fall. ``"compressed"`` is asinh(W / √floor); ``"linear"`` leaves them as they
-        are, so that the small contributions of several parameters still add up.
+        Append the real and, for a complex wavelet, the imaginary part of the coefficients as further channels. They
+        distinguish a rise from a fall. ``"compressed"`` is asinh(W / √floor). ``"linear"`` leaves them unchanged, so
+        that the contributions of several parameters add up.
     output : {"images", "flat"}, default "images"
         (n, C, H, W), or one row of C·H·W values for each sample, for estimators that read tables.
     precision : int, default 12
-        The mother wavelet is sampled on 2**precision points, as in `pywt.cwt`. Where a row's wavelet lasts longer
-        than that many samples of the signal, the row is slightly ragged; 15 smoothes it at no cost in speed.
+        The mother wavelet is sampled on 2**precision points, as in `pywt.cwt`. A row whose wavelet lasts longer than
+        that many samples of the signal is slightly ragged; 15 smoothes it at no cost in speed.
     dtype : {"float32", "float64"}, default "float32"
         Precision of transform and result.
     n_channels : int, optional
-        Number of channels R where X is 2-D and holds the channels of a sample one after another; 1 where not
-        given.
+        Number of channels R where a row of X holds the channels one after another; 1 where not given.
     n_jobs : int, optional
         Threads, as in joblib. The result does not depend on it.
 
@@ -75,16 +80,14 @@ class CWTTransformer(TransformerMixin, BaseEstimator):
     scales_ : ndarray of shape (H,)
         Scales a in samples.
     cone_of_influence_ : ndarray of shape (H,)
-        Time in seconds from either end of the record within which a row is marked by the end: twice the
-        standard deviation of |ψ|² at that scale.
+        Time in seconds from either end of the record that the end distorts: twice the standard deviation of |ψ|² at
+        that scale.
     floor_ : ndarray of shape (R,)
         Energy added to each channel before the logarithm.
     n_images_ : int
         Number C of images for each sample: R energies, then R real and R imaginary parts if `signed`.
     shape_in_ : tuple
         Shape of one sample in fit.
-    n_features_in_ : int
-        Length of the axis after the samples.
 
     Raises
     ------
@@ -93,11 +96,10 @@ class CWTTransformer(TransformerMixin, BaseEstimator):
 
     Notes
     -----
-    Coefficients are those of `pywt.cwt`, to the precision chosen; its sign and normalisation
-    (:math:`a^{-1/2}` with a in samples) are kept, and the signal counts as zero outside the record. Energy is
-    :math:`E_r(a, b) = |W_r(a, b)|^2` (7). A sample stands for one sampling period, a column for the W-th part
-    of the record; a column's value is the mean of the energy over its part. That conserves the total energy,
-    and where there are fewer samples than columns it repeats them (8).
+    Coefficients equal those of `pywt.cwt`, with its sign and normalisation (:math:`a^{-1/2}` with a in samples). The
+    signal counts as zero outside the record. Energy is :math:`E_r(a, b) = |W_r(a, b)|^2` (7). A column stands for the
+    W-th part of the record and holds the mean energy of that part. This conserves the total energy; where there are
+    fewer samples than columns, it repeats them (8).
 
     Examples
     --------
@@ -147,14 +149,7 @@ class CWTTransformer(TransformerMixin, BaseEstimator):
         self.n_jobs = n_jobs
 
     def fit(self, X: ArrayLike, y: Any = None) -> CWTTransformer:
-        """Set up axes and filters for records of this length, and the floor of the logarithm.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, R, L), or (n, R·L)
-            Response errors.
-        y : ignored
-        """
+        """Set up axes, filters and floor for errors X of shape (n, R, L), or (n, R·L)."""
         self._check_options()
         errors = self._read(X, reset=True)
         n_times = errors.shape[2]
@@ -172,16 +167,7 @@ class CWTTransformer(TransformerMixin, BaseEstimator):
         return self
 
     def transform(self, X: ArrayLike) -> NDArray[Any]:
-        """Compute the images.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, R, L), or (n, R·L)
-
-        Returns
-        -------
-        ndarray of shape (n, C, H, W), or (n, C·H·W) with ``output="flat"``
-        """
+        """Images (n, C, H, W) of errors X, or rows (n, C·H·W) with ``output="flat"``."""
         check_is_fitted(self)
         errors = self._read(X, reset=False)
         n, n_channels, n_times = errors.shape
@@ -198,6 +184,36 @@ class CWTTransformer(TransformerMixin, BaseEstimator):
         shares = np.array_split(starts, effective_n_jobs(self.n_jobs))
         Parallel(n_jobs=self.n_jobs, require="sharedmem")(delayed(fill)(share) for share in shares)
         return images.reshape(n, -1) if self.output == "flat" else images
+
+    @available_if(has_columns)
+    def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
+        """Names of the columns with ``output="flat"``: channel, frequency and number of the time column.
+
+        For X of shape (n, R, L), `input_features` are the R channels, ``x0``, ``x1`` and so on where not given.
+
+        Examples
+        --------
+        >>> cwt = CWTTransformer(f_min=0.1, f_max=0.4, n_frequencies=2, n_columns=2, output="flat")
+        >>> cwt.fit(np.zeros((1, 1, 8))).get_feature_names_out(["P"]).tolist()
+        ['P:0.1Hz:0', 'P:0.1Hz:1', 'P:0.4Hz:0', 'P:0.4Hz:1']
+        """
+        names = super().get_feature_names_out(input_features)
+        if len(self.shape_in_) == 1:
+            names = [f"x{r}" for r in range(len(self.floor_))]
+        parts = ["", ".re", ".im"][: self.n_images_ // len(self.floor_)]
+        return np.array(
+            [
+                f"{name}{part}:{frequency:.6g}Hz:{column}"
+                for part in parts
+                for name in names
+                for frequency in self.frequencies_
+                for column in range(self.n_columns)
+            ],
+            dtype=object,
+        )
+
+    def _is_table(self) -> bool:
+        return self.output == "flat"
 
     def _fill(self, images: NDArray[Any], errors: NDArray[Any], columns: tuple[Any, Any]) -> None:
         """Write the images of a block of samples."""
@@ -249,24 +265,14 @@ class CWTTransformer(TransformerMixin, BaseEstimator):
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()
-        tags.input_tags.three_d_array = True
         tags.transformer_tags.preserves_dtype = []
         return tags
 
 
 def column_weights(n_times: int, n_columns: int, dtype: Any = float) -> tuple[NDArray[np.intp], NDArray[Any]]:
-    """Samples that each column overlaps, and with what share of the column.
+    """Samples that each of W columns overlaps, and their shares of the column, both of shape (W, q).
 
-    Parameters
-    ----------
-    n_times, n_columns : int
-        Number L of samples and W of columns.
-    dtype : dtype, default float
-
-    Returns
-    -------
-    index, weight : ndarray of shape (W, q)
-        q is the largest number of samples that a column overlaps; weights of a column sum to 1.
+    q is the largest number of samples that a column overlaps; the weights of a column sum to 1.
 
     Examples
     --------
@@ -288,14 +294,7 @@ def column_weights(n_times: int, n_columns: int, dtype: Any = float) -> tuple[ND
 
 
 def pool_columns(values: NDArray[Any], index: NDArray[np.intp], weight: NDArray[Any]) -> NDArray[Any]:
-    """Mean of `values` (…, L) over each column's part of the record, shape (…, W).
-
-    Parameters
-    ----------
-    values : ndarray of shape (..., L)
-    index, weight : ndarray of shape (W, q)
-        From `column_weights`.
-    """
+    """Mean of `values` (…, L) over each column's part of the record, shape (…, W), see `column_weights`."""
     out = values[..., index[:, 0]] * weight[:, 0]
     for k in range(1, index.shape[1]):
         out += values[..., index[:, k]] * weight[:, k]

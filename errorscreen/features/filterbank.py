@@ -1,8 +1,8 @@
 """Continuous wavelet transform of many signals at once, equal to `pywt.cwt`.
 
-`pywt.cwt` integrates the mother wavelet on 2**12 points, resamples the integral for each scale, convolves the
-signal with it and differentiates. The last two steps are linear, so each scale is one filter. Here the
-filters are built once, cut to the taps that a signal of the given length can reach, and applied by FFT.
+`pywt.cwt` integrates the mother wavelet, resamples the integral for each scale, convolves the signal with it and
+differentiates. The last two steps are linear, so each scale is one filter. Here the filters are built once, cut to the
+taps that a signal of the given length can reach, and applied by FFT.
 """
 
 from __future__ import annotations
@@ -22,12 +22,7 @@ PRECISION = 12
 
 
 def read_wavelet(name: str) -> Any:
-    """Return the continuous wavelet that PyWavelets calls `name`.
-
-    Raises
-    ------
-    InputError
-        If PyWavelets does not know the name, or it is a discrete wavelet.
+    """Return the continuous wavelet of this name in PyWavelets, or raise `InputError`.
 
     Examples
     --------
@@ -58,8 +53,8 @@ def central_frequency(wavelet: Any, precision: int = PRECISION) -> float:
 def effective_radius(wavelet: Any) -> float:
     r"""Half-width of the mother wavelet in samples at scale 1: two standard deviations of :math:`|\psi|^2`.
 
-    For a Morlet wavelet with unit Gaussian this is the :math:`\sqrt 2` by which Torrence and Compo (1998,
-    table 1) draw the cone of influence.
+    For a Morlet wavelet with unit Gaussian this is :math:`\sqrt 2`, the cone of influence of Torrence and Compo
+    (1998, table 1).
 
     Examples
     --------
@@ -140,7 +135,7 @@ class FilterBank:
         self._spectra = spectra.astype(np.result_type(dtype, np.complex64))
 
     def _taps(self, integral: NDArray[Any], x: NDArray[np.float64], scale: float) -> NDArray[Any]:
-        """Impulse response at the delays -(L - 1) ... L - 1: no others lead from sample to sample."""
+        """Impulse response at the delays -(L - 1) ... L - 1; others lead out of the record."""
         # which samples of the integral pywt.cwt takes at this scale, by its own formula
         index = (np.arange(scale * (x[-1] - x[0]) + 1) / (scale * (x[1] - x[0]))).astype(int)
         index = index[index < integral.size]
@@ -158,36 +153,14 @@ class FilterBank:
         out[inside] = taps[delays[inside]]
         return out
 
-    def parts(self, signals: NDArray[Any], workers: int = 1) -> NDArray[Any]:
-        """Real and, for a complex wavelet, imaginary parts of the coefficients.
-
-        Parameters
-        ----------
-        signals : ndarray of shape (n, L)
-        workers : int, default 1
-            Threads of the FFT.
-
-        Returns
-        -------
-        ndarray of shape (n_parts, n, H, L)
-        """
-        spectrum = scipy.fft.rfft(signals, self._n_fft, axis=-1, workers=workers).astype(self._spectra.dtype)
+    def parts(self, signals: NDArray[Any]) -> NDArray[Any]:
+        """Real and, for a complex wavelet, imaginary parts of the coefficients of signals (n, L): (parts, n, H, L)."""
+        spectrum = scipy.fft.rfft(signals, self._n_fft, axis=-1).astype(self._spectra.dtype)
         product = spectrum[None, :, None, :] * self._spectra[:, None, :, :]
-        return scipy.fft.irfft(product, self._n_fft, axis=-1, workers=workers, overwrite_x=True)[
-            ..., : self.n_times
-        ]
+        values = scipy.fft.irfft(product, self._n_fft, axis=-1, overwrite_x=True)
+        return values[..., : self.n_times]
 
-    def transform(self, signals: NDArray[Any], workers: int = 1) -> NDArray[Any]:
-        """Coefficients W(a, b), complex for a complex wavelet.
-
-        Parameters
-        ----------
-        signals : ndarray of shape (n, L)
-        workers : int, default 1
-
-        Returns
-        -------
-        ndarray of shape (n, H, L)
-        """
-        parts = self.parts(signals, workers)
+    def transform(self, signals: NDArray[Any]) -> NDArray[Any]:
+        """Coefficients W(a, b) of signals (n, L), shape (n, H, L), complex for a complex wavelet."""
+        parts = self.parts(signals)
         return parts[0] + 1j * parts[1] if self.n_parts == 2 else parts[0]

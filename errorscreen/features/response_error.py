@@ -1,4 +1,4 @@
-"""Response errors: what is left when the baseline response is taken off."""
+"""Response errors: responses minus the baseline response."""
 
 from __future__ import annotations
 
@@ -6,39 +6,31 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
 from errorscreen.exceptions import InputError
-from errorscreen.features.checks import check_choice, check_stack, split_channels
+from errorscreen.features.checks import StackTransformer, check_choice, check_stack, split_channels
 
 
-class ResponseErrorTransformer(TransformerMixin, BaseEstimator):
-    r"""Error of responses against a baseline response, equations (2)–(4).
-
-    :math:`e^{(i)} = y^{(i)} - y_0`, one row per observed channel.
+class ResponseErrorTransformer(StackTransformer):
+    r"""Error of responses against a baseline response, equations (2)–(4): :math:`e^{(i)} = y^{(i)} - y_0`.
 
     Parameters
     ----------
     baseline : array-like of shape (R, L), optional
-        The response y₀ to compare with, in the channels' units: in training the response at the nominal
-        parameters, in use the simulated response, so that e = y_meas − y_sim. Where not given, the mean of
-        the responses seen in fit.
+        The response y₀ in the channels' units: in training the response at the nominal parameters; in use the
+        simulated response, so that e = y_meas − y_sim. The mean of the responses seen in fit where not given.
     missing : {"raise", "zero"}, default "raise"
-        What to do with NaN in the responses. ``"zero"`` sets the error to zero where nothing was measured, as
-        if simulation and measurement agreed there: bearable for single lost samples, misleading for long
-        gaps.
+        What to do with NaN in the responses. ``"zero"`` sets the error to zero where nothing was measured. That is
+        bearable for single lost samples and misleading for long gaps.
     n_channels : int, optional
-        Number of channels R where X is 2-D and holds the channels of a sample one after another; 1 where not
-        given.
+        Number of channels R where a row of X holds the channels one after another; 1 where not given.
 
     Attributes
     ----------
     baseline_ : ndarray of shape (R, L)
     shape_in_ : tuple
         Shape of one sample in fit.
-    n_features_in_ : int
-        Length of the axis after the samples.
 
     Raises
     ------
@@ -67,14 +59,7 @@ class ResponseErrorTransformer(TransformerMixin, BaseEstimator):
         self.n_channels = n_channels
 
     def fit(self, X: ArrayLike, y: Any = None) -> ResponseErrorTransformer:
-        """Store the baseline.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, R, L), or (n, R·L)
-            Responses.
-        y : ignored
-        """
+        """Store the baseline for responses X of shape (n, R, L), or (n, R·L)."""
         name = type(self).__name__
         check_choice("missing", self.missing, ("raise", "zero"), name)
         responses = split_channels(self._read(X, reset=True), self.n_channels, name)
@@ -94,35 +79,25 @@ class ResponseErrorTransformer(TransformerMixin, BaseEstimator):
         return self
 
     def transform(self, X: ArrayLike) -> NDArray[Any]:
-        """Subtract the baseline.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, R, L), or (n, R·L)
-
-        Returns
-        -------
-        ndarray of the shape of X
-        """
+        """Subtract the baseline from responses X; the result has their shape."""
         check_is_fitted(self)
-        X = self._read(X, reset=False)
-        error = X - self.baseline_.reshape(X.shape[1:]).astype(X.dtype)
+        responses = self._read(X, reset=False)
+        error = responses - self.baseline_.reshape(responses.shape[1:]).astype(responses.dtype)
         return np.nan_to_num(error, copy=False, nan=0.0) if self.missing == "zero" else error
 
     def _read(self, X: ArrayLike, *, reset: bool) -> NDArray[Any]:
         finite = "allow-nan" if self.missing == "zero" else True
-        return check_stack(self, X, reset=reset, ensure_all_finite=finite)
+        stack: NDArray[Any] = check_stack(self, X, reset=reset, ensure_all_finite=finite)
+        return stack
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()
-        tags.input_tags.three_d_array = True
         tags.input_tags.allow_nan = self.missing == "zero"
-        tags.transformer_tags.preserves_dtype = ["float64", "float32"]
         return tags
 
 
 def _mean_of_measured(responses: NDArray[Any]) -> NDArray[np.float64]:
-    """Mean over the samples that were measured; 0 where none was, whose errors are zero anyway."""
+    """Mean over the samples that were measured; 0 where none was, because the errors there are zero anyway."""
     measured = np.isfinite(responses)
     total = np.where(measured, responses, 0).sum(axis=0, dtype=float)
     return total / np.maximum(measured.sum(axis=0), 1)

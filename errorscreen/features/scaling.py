@@ -7,33 +7,32 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
 from errorscreen.exceptions import check_real
-from errorscreen.features.checks import as_images, check_choice, check_stack
+from errorscreen.features.checks import StackTransformer, as_images, check_choice, check_stack
 
-# samples handled at a time, so that float64 sums of float32 images need no second copy of them all
+# samples handled at a time, so that float64 sums of float32 images need no second copy of all images
 _BLOCK = 64
 # axes that share a mean and a deviation
 _POOLED = {"channel": (0, 2, 3), "row": (0, 3), "pixel": (0,)}
 
 
-class ChannelScaler(TransformerMixin, BaseEstimator):
+class ChannelScaler(StackTransformer):
     r"""Standardise each channel by mean and standard deviation of the training set, equation (9).
 
-    :math:`\tilde X_r = (X_r - \mu_r) / \sigma_r`. The statistics run over samples, rows and columns; they are
-    set in fit and frozen afterwards, so measured images are scaled like the training images.
+    :math:`\tilde X_r = (X_r - \mu_r) / \sigma_r`. The statistics run over samples, rows and columns. They are set in
+    fit and then frozen, so that measured images are scaled like the training images.
 
     Parameters
     ----------
     by : {"channel", "row", "pixel"}, default "channel"
-        One mean and deviation for each channel, for each row (frequency) of each channel, or for each pixel. Where the
-        images are coefficients, pixels of small size carry what the strong parameters have in common with no other,
-        and a network learns from them only if they are not small.
+        One mean and deviation for each channel, for each row (frequency) of each channel, or for each pixel. With
+        signed coefficients choose ``"pixel"``: small pixels distinguish similar parameters, and a network learns from
+        them only if they are not small.
     floor : float, default 1e-3
-        Smallest deviation that is divided by, in multiples of the channel's largest, so that what is next to nothing
-        in all images stays small.
+        Smallest deviation that is divided by, in multiples of the channel's largest. It keeps pixels small that are
+        nearly constant in all images.
 
     Attributes
     ----------
@@ -41,8 +40,6 @@ class ChannelScaler(TransformerMixin, BaseEstimator):
         Where the training set is constant, the scale is 1.
     shape_in_ : tuple
         Shape of one sample in fit.
-    n_features_in_ : int
-        Length of the axis after the samples.
 
     Notes
     -----
@@ -63,13 +60,7 @@ class ChannelScaler(TransformerMixin, BaseEstimator):
         self.floor = floor
 
     def fit(self, X: ArrayLike, y: Any = None) -> ChannelScaler:
-        """Compute the statistics.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, R, H, W), (n, R, L) or (n, F)
-        y : ignored
-        """
+        """Compute the statistics of images X of shape (n, R, H, W), (n, R, L) or (n, F)."""
         check_choice("by", self.by, tuple(_POOLED), type(self).__name__)
         floor = check_real(self.floor, "floor", low=0.0, high=1.0)
         images = as_images(check_stack(self, X, reset=True, max_ndim=4))
@@ -84,46 +75,24 @@ class ChannelScaler(TransformerMixin, BaseEstimator):
 
         self.mean_ = sums(blocks()) / count
         scale = np.sqrt(sums((block - self.mean_) ** 2 for block in blocks()) / count)
-        # below the rounding of the mean there is no deviation to speak of
+        # a deviation below the rounding of the mean is rounding
         constant = scale <= 10 * np.finfo(images.dtype).eps * np.abs(self.mean_)
         scale = np.maximum(scale, floor * scale.max(axis=(1, 2), keepdims=True))
         self.scale_ = np.where(constant, 1.0, scale)
         return self
 
     def transform(self, X: ArrayLike) -> NDArray[Any]:
-        """Scale images by the statistics of the training set.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, R, H, W), (n, R, L) or (n, F)
-
-        Returns
-        -------
-        ndarray of the shape of X
-        """
-        check_is_fitted(self)
-        stack = check_stack(self, X, reset=False, max_ndim=4)
-        mean, scale = self.mean_.astype(stack.dtype), self.scale_.astype(stack.dtype)
+        """Scale images X by the statistics of the training set; the result has their shape."""
+        stack, mean, scale = self._read(X)
         return ((as_images(stack) - mean) / scale).reshape(stack.shape)
 
     def inverse_transform(self, X: ArrayLike) -> NDArray[Any]:
-        """Undo `transform`.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, R, H, W), (n, R, L) or (n, F)
-
-        Returns
-        -------
-        ndarray of the shape of X
-        """
-        check_is_fitted(self)
-        stack = check_stack(self, X, reset=False, max_ndim=4)
-        mean, scale = self.mean_.astype(stack.dtype), self.scale_.astype(stack.dtype)
+        """Undo `transform`."""
+        stack, mean, scale = self._read(X)
         return (as_images(stack) * scale + mean).reshape(stack.shape)
 
-    def __sklearn_tags__(self) -> Any:
-        tags = super().__sklearn_tags__()
-        tags.input_tags.three_d_array = True
-        tags.transformer_tags.preserves_dtype = ["float64", "float32"]
-        return tags
+    def _read(self, X: ArrayLike) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+        """Images, and the statistics in their precision."""
+        check_is_fitted(self)
+        stack = check_stack(self, X, reset=False, max_ndim=4)
+        return stack, self.mean_.astype(stack.dtype), self.scale_.astype(stack.dtype)

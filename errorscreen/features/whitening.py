@@ -1,4 +1,4 @@
-"""Whitening of response errors: what is small in them is brought out, as far as it stands above the noise."""
+"""Whitening of response errors: weak directions are amplified as far as they stand above the noise."""
 
 from __future__ import annotations
 
@@ -6,50 +6,47 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.decomposition import PCA
 from sklearn.utils.validation import check_is_fitted
 
 from errorscreen.exceptions import check_integer, check_real
-from errorscreen.features.checks import check_noise, check_stack, split_channels
+from errorscreen.features.checks import StackTransformer, check_noise, check_stack, split_channels
 
 
-class ErrorWhitener(TransformerMixin, BaseEstimator):
-    r"""Whiten errors by their covariance in the training set, after a Wiener filter has taken out the noise.
+class ErrorWhitener(StackTransformer):
+    r"""Whiten errors by their covariance in the training set, after a Wiener filter has removed the noise.
 
-    A few strong parameters shape nearly all of a response error, and what tells the others apart is small and lies on
-    top of it. With errors x in units of the noise, all channels and instants in one vector, and the eigenvectors u and
-    eigenvalues λ of the covariance of simulated ones, which have no noise,
+    A few strong parameters shape nearly all of a response error. The effects of the others are small and lie on top.
+    The whitener makes them visible. With errors x in units of the noise, all channels and instants in one vector, and
+    the eigenvectors u and eigenvalues λ of the covariance of noise-free simulated errors,
 
     .. math:: z = \sum_i \frac{\lambda_i}{\lambda_i + 1} \, \frac{u_i^T (x - \bar x)}{\sqrt{\lambda_i + 1}} \, u_i
 
-    The first factor is the Wiener filter: what is expected of the noise-free part of a measured error. The second one
-    whitens (ZCA), so that every direction above the noise counts alike. Each value stays at its channel and instant, so
-    that z has wavelet images as x has.
+    The first factor is the Wiener filter: the expected noise-free part of a measured error. The second one whitens
+    (ZCA), so that every direction above the noise counts alike. Each value stays at its channel and instant, so z has
+    wavelet images like x.
 
     Parameters
     ----------
     noise : float or array-like of shape (R,) or (R, L), optional
-        Standard deviation of the noise that measured errors will have, in the channel's unit; 0 where nothing was
-        measured. None is without noise.
+        Standard deviation of the noise of measured errors, in the channel's unit; 0 where nothing was measured. None
+        means no noise.
     floor : float, default 1e-4
-        What counts as noise in a channel that has none, in multiples of the rms of its errors.
+        Noise assumed in a channel without noise, in multiples of the rms of its errors.
     n_components : int, default 256
-        Largest number of directions that are kept.
+        Largest number of directions.
 
     Attributes
     ----------
     scale_ : ndarray of shape (R, L)
-        What errors are divided by.
+        Divisor of the errors.
     mean_ : ndarray of shape (R·L,)
     components_ : ndarray of shape (k, R·L)
         Directions u, by falling λ.
     gains_ : ndarray of shape (k,)
-        What they are multiplied by.
+        Factor of each direction.
     shape_in_ : tuple
         Shape of one sample in fit.
-    n_features_in_ : int
-        Length of the axis after the samples.
 
     Raises
     ------
@@ -63,7 +60,7 @@ class ErrorWhitener(TransformerMixin, BaseEstimator):
 
     Examples
     --------
-    Two parameters with similar effects, one a hundred times stronger; the difference between them is brought out:
+    Two parameters with similar effects, one a hundred times stronger. The weak one is amplified:
 
     >>> t = np.linspace(0, 1, 50)
     >>> rng = np.random.default_rng(0)
@@ -82,14 +79,7 @@ class ErrorWhitener(TransformerMixin, BaseEstimator):
         self.n_components = n_components
 
     def fit(self, X: ArrayLike, y: Any = None) -> ErrorWhitener:
-        """Learn directions and gains.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, R, L), or (n, L) for one channel
-            Errors without noise.
-        y : ignored
-        """
+        """Learn directions and gains from noise-free errors X of shape (n, R, L), or (n, L) for one channel."""
         n_components = check_integer(self.n_components, "n_components")
         floor = check_real(self.floor, "floor", low=0.0, above=True)
         stack = check_stack(self, X, reset=True, ensure_min_samples=2)
@@ -100,7 +90,7 @@ class ErrorWhitener(TransformerMixin, BaseEstimator):
         scale = np.where(quiet, floor * rms, noise)
         self.scale_ = np.where(scale > 0, scale, 1.0)  # errors are 0 where nothing was measured
         x = self._scaled(errors)
-        with np.errstate(invalid="ignore"):  # the share of each variance, where there is none at all
+        with np.errstate(invalid="ignore"):  # PCA divides by the total variance, which may be 0
             pca = PCA(min(n_components, *x.shape), random_state=0).fit(x)
         self.mean_, self.components_ = pca.mean_, pca.components_
         variances = pca.explained_variance_
@@ -108,16 +98,7 @@ class ErrorWhitener(TransformerMixin, BaseEstimator):
         return self
 
     def transform(self, X: ArrayLike) -> NDArray[Any]:
-        """Whiten errors.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, R, L), or (n, L) for one channel
-
-        Returns
-        -------
-        ndarray of the shape of X
-        """
+        """Whiten errors X; the result has their shape."""
         check_is_fitted(self)
         stack = check_stack(self, X, reset=False)
         x = self._scaled(split_channels(stack, None, type(self).__name__)) - self.mean_
@@ -126,9 +107,3 @@ class ErrorWhitener(TransformerMixin, BaseEstimator):
 
     def _scaled(self, errors: NDArray[Any]) -> NDArray[Any]:
         return (errors / self.scale_.astype(errors.dtype)).reshape(len(errors), -1)
-
-    def __sklearn_tags__(self) -> Any:
-        tags = super().__sklearn_tags__()
-        tags.input_tags.three_d_array = True
-        tags.transformer_tags.preserves_dtype = ["float64", "float32"]
-        return tags

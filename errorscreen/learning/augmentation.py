@@ -1,17 +1,18 @@
-r"""More labelled samples than are simulated in full: a regression of the sensitivities labels further responses.
+r"""Cheap labels: a regression of the sensitivities labels responses that cost one simulation each.
 
 An exact label (14), (15) costs m + 1 simulations, the response alone costs one. Sensitivities are smooth functions of
-the parameters but for the kinks of limiters, so that a few thousand exact ones teach a regression,
+the parameters except at the kinks of limiters, so a few thousand exact labels are enough to fit a regression,
 
 .. math:: \hat c_j = r_j \, \hat S_j(\theta), \qquad \ln(\hat S_j + \epsilon_j) = f_j(\theta)              \qquad (A1)
 
-with the deviation :math:`r_j = |\theta_j / \theta_{j,0} - 1|`, which is known. :math:`\epsilon_j` is a thousandth of
-the mean of :math:`S_j`: where a limiter takes the effect of a parameter away, relative errors do not matter.
+with the known deviation :math:`r_j = |\theta_j / \theta_{j,0} - 1|`. :math:`\epsilon_j` is a thousandth of the mean of
+:math:`S_j`: where a limiter removes the effect of a parameter, relative errors do not matter.
 """
 
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -32,16 +33,16 @@ from errorscreen.simulators.base import Simulator, Status
 
 #: ε of (A1) in multiples of the mean sensitivity
 _LEAST = 1e-3
-#: deviation of the logarithm below which a sensitivity is the same everywhere
+#: deviation of the logarithm below which a sensitivity counts as constant
 _CONSTANT = 1e-9
-#: fewest samples to learn from, and how many are enough to set a tenth aside
+#: fewest samples to learn from, and fewest of which a tenth is set aside
 _FEWEST, _ENOUGH = 10, 100
-#: layers, batch and most passes of the regression; it stops where the tenth set aside is not predicted better
+#: layers, batch and most passes of the regression; it stops when the tenth set aside is not predicted better
 _LAYERS, _BATCH, _PASSES = (256, 256), 128, 60
 
 
 class LabelRegressor(BaseEstimator):
-    """Contributions of parameter vectors that were not simulated, (A1).
+    """Contributions of parameter vectors without their simulations, (A1).
 
     Parameters
     ----------
@@ -72,19 +73,9 @@ class LabelRegressor(BaseEstimator):
         self.random_state = random_state
 
     def fit(self, X: ArrayLike, y: ArrayLike) -> LabelRegressor:
-        """Learn sensitivities.
+        """Learn sensitivities from parameters X (n, m) in their units and their contributions y (n, m).
 
-        Parameters
-        ----------
-        X : array-like of shape (n, m)
-            Parameters in their units.
-        y : array-like of shape (n, m)
-            Contributions of the same samples, which must not have failed.
-
-        Raises
-        ------
-        InputError
-            If there are fewer than 10 samples, or their labels do not fit or are not finite.
+        Raises `InputError` if there are fewer than 10 samples, or labels do not fit or are not finite.
         """
         theta = self.space.validate(X)
         labels = np.asarray(y, dtype=float)
@@ -95,7 +86,7 @@ class LabelRegressor(BaseEstimator):
                 allowed=f"finite labels of shape {theta.shape}, of at least {_FEWEST} samples",
             )
         deviation = self.space.deviation(theta)
-        # a parameter at its nominal value contributes nothing, which says nothing about its sensitivity
+        # a parameter at its nominal value contributes nothing, whatever its sensitivity
         known = deviation > 0
         sensitivity = np.divide(labels, deviation, out=np.zeros_like(labels), where=known)
         mean = sensitivity.sum(axis=0) / np.maximum(known.sum(axis=0), 1)
@@ -115,7 +106,7 @@ class LabelRegressor(BaseEstimator):
             n_iter_no_change=5,
             random_state=seed,
         )
-        with warnings.catch_warnings():  # the passes are counted out
+        with warnings.catch_warnings():  # the number of passes is limited on purpose
             warnings.simplefilter("ignore", ConvergenceWarning)
             self.regressor_ = regressor.fit(self._shares(theta), targets)
         return self
@@ -142,16 +133,16 @@ def enlarge_dataset(
     random_state: Any = None,
     n_jobs: int | None = None,
 ) -> ErrorDataset:
-    """Add samples whose labels come from a regression of those that a dataset has.
+    """Add samples whose labels come from a regression of a dataset's exact labels.
 
     Parameters
     ----------
     dataset : ErrorDataset
-        Exact labels; see `generate_dataset`.
+        From `generate_dataset`.
     simulator : Simulator
         The dataset's.
     n_samples : int
-        Samples that are added, each with a single simulation; 0 changes nothing.
+        Samples to add, each with a single simulation; 0 changes nothing.
     event : Event, optional
         The dataset's; the simulator's own where not given.
     random_state : None, int, SeedSequence, Generator or RandomState
@@ -162,7 +153,7 @@ def enlarge_dataset(
     -------
     ErrorDataset
         The samples of `dataset`, then the new ones. ``metadata["regression"]`` has their number and ``label_error``,
-        the median relative error of the regression's labels on a tenth of the exact ones that it has not seen.
+        the median relative error of the regression on a tenth of the exact labels, which it has not seen.
 
     Raises
     ------
@@ -192,24 +183,20 @@ def enlarge_dataset(
     found = Parallel(n_jobs=n_jobs)(delayed(simulator.simulate)(block, event) for block in blocks)
     status = np.concatenate([r.status for r in found])
     contributions = np.where((status == Status.OK)[:, None], model.predict(theta), np.nan)
-    return ErrorDataset(
-        np.concatenate([dataset.theta, theta]),
-        np.concatenate([dataset.responses, *(r.values for r in found)]),
-        np.concatenate([dataset.contributions, contributions]),
-        dataset.baseline,
-        np.concatenate([dataset.status, status]),
-        dataset.names,
-        dataset.channels,
-        dataset.time,
-        dataset.event,
-        {**dataset.metadata, "regression": {"samples": n_samples, "label_error": label_error}},
+    return replace(
+        dataset,
+        theta=np.concatenate([dataset.theta, theta]),
+        responses=np.concatenate([dataset.responses, *(r.values for r in found)]),
+        contributions=np.concatenate([dataset.contributions, contributions]),
+        status=np.concatenate([dataset.status, status]),
+        metadata={**dataset.metadata, "regression": {"samples": n_samples, "label_error": label_error}},
     )
 
 
 def _regression(
     exact: ErrorDataset, space: ParameterSpace, rng: np.random.Generator
 ) -> tuple[LabelRegressor, float]:
-    """Regression of the labels, and its median relative error on a tenth of the samples that it has not seen."""
+    """Regression of the labels, and its median relative error on a tenth of the samples, which it has not seen."""
     model = LabelRegressor(space, random_state=int(rng.integers(2**31)))
     unseen = rng.permutation(len(exact)) < len(exact) // 10
     model.fit(exact.theta[~unseen], exact.contributions[~unseen])

@@ -1,4 +1,4 @@
-"""Simulated response errors with the contribution of each parameter: what rankers learn from."""
+"""Simulated response errors with the contribution of each parameter: the training set of rankers."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from errorscreen._runtime.display import Displayed, listed, span
 from errorscreen._runtime.persistence import load_arrays, save_arrays
 from errorscreen.exceptions import InputError
 from errorscreen.simulators.base import Responses, Status
@@ -20,7 +21,7 @@ _ARRAYS = ("theta", "responses", "contributions", "baseline", "status", "time")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ErrorDataset:
+class ErrorDataset(Displayed):
     """Samples of a simulator with their responses and labels.
 
     Parameters
@@ -34,8 +35,7 @@ class ErrorDataset:
     baseline : ndarray of shape (R, L)
         y₀, the response at the nominal parameters.
     status : ndarray of shape (n,), int
-        `Status` of each sample: that of its own simulation or, if that is OK, of the first of its perturbed
-        simulations that failed.
+        `Status` of each sample: of its own simulation, or of the first of its perturbed simulations that failed.
     names : tuple of m str
         Parameters.
     channels : tuple of R str
@@ -44,7 +44,7 @@ class ErrorDataset:
     event : str
         Name of the event.
     metadata : mapping
-        How it was made; what JSON can hold.
+        How it was made; JSON values.
 
     Raises
     ------
@@ -59,7 +59,7 @@ class ErrorDataset:
     ...     time=np.arange(4.0), event="fault",
     ... )
     >>> data
-    ErrorDataset(3 samples, 1 failed; 2 parameters; channels P; 4 instants; event 'fault')
+    ErrorDataset(samples: 3 (1 failed), parameters: a, b, channels: P, time: 4 samples from 0 to 3 s, event: fault)
     >>> data.valid().errors.shape
     (2, 1, 4)
     """
@@ -89,11 +89,14 @@ class ErrorDataset:
     def __len__(self) -> int:
         return len(self.status)
 
-    def __repr__(self) -> str:
-        return (
-            f"ErrorDataset({len(self)} samples, {self.n_failed} failed; {len(self.names)} parameters; "
-            f"channels {', '.join(self.channels)}; {len(self.time)} instants; event {self.event!r})"
-        )
+    def _facts(self) -> dict[str, Any]:
+        return {
+            "samples": f"{len(self)} ({self.n_failed} failed)",
+            "parameters": listed(self.names),
+            "channels": listed(self.channels),
+            "time": span(self.time),
+            "event": self.event,
+        }
 
     @property
     def errors(self) -> NDArray[np.float64]:
@@ -115,7 +118,7 @@ class ErrorDataset:
         return Responses(self.responses, self.status, self.time, self.channels).failures()
 
     def take(self, rows: ArrayLike) -> ErrorDataset:
-        """Return the samples with these indices, or where a boolean array is true, for example one fold."""
+        """Return the samples with these indices, or where a boolean array is true."""
         rows = np.asarray(rows)
         per_sample = ("theta", "responses", "contributions", "status")
         return replace(self, **{name: getattr(self, name)[rows] for name in per_sample})
@@ -125,13 +128,7 @@ class ErrorDataset:
         return self.take(self.ok)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the dataset to one file (``.npz``, versioned, no pickle), complete or not at all.
-
-        Raises
-        ------
-        InputError
-            If the file cannot be written or the metadata hold what JSON cannot.
-        """
+        """Write the dataset to one ``.npz`` file, completely or not at all; `InputError` if that is impossible."""
         return save_arrays(
             path,
             format=FORMAT,
@@ -147,13 +144,7 @@ class ErrorDataset:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> ErrorDataset:
-        """Read what `save` wrote.
-
-        Raises
-        ------
-        InputError
-            If the file is missing, damaged, or of another format or version.
-        """
+        """Read a file of `save`; `InputError` if it is missing, damaged, or of another format or version."""
         arrays, meta = load_arrays(path, format=FORMAT, version=VERSION)
         return cls(
             **arrays,

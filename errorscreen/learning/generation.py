@@ -1,4 +1,4 @@
-"""From a simulator to a labelled dataset: samples, responses and contributions, equations (1)–(15)."""
+"""Labelled datasets from a simulator: samples, responses and contributions, equations (1)–(15)."""
 
 from __future__ import annotations
 
@@ -12,18 +12,15 @@ from joblib import Parallel, delayed
 from numpy.typing import ArrayLike, NDArray
 from tqdm import tqdm
 
-from errorscreen._runtime.checkpoint import Checkpoint, digest
 from errorscreen._runtime.sampling import latin_hypercube
+from errorscreen._runtime.store import Store, digest
 from errorscreen.events import Event
 from errorscreen.exceptions import DataWarning, InputError, SimulationError, check_integer, check_real
 from errorscreen.learning.datasets import ErrorDataset
 from errorscreen.metrics import channel_weights
 from errorscreen.simulators.base import Simulator, Status
 
-__all__ = ["ErrorDataset", "Sensitivity", "contribution_labels", "generate_dataset", "local_sensitivity"]
-
-_FIELDS = ("responses", "contributions", "status")
-#: Bytes that a batch may take: its responses, their changes and the squares of these, beside what the engine needs
+#: bytes of a batch, and arrays of its size: responses, their changes, the squares of these, and one of the engine
 _BATCH_BYTES = 128 * 2**20
 _COPIES = 4
 _Batch = dict[str, NDArray[Any]]
@@ -39,7 +36,7 @@ class Sensitivity(NamedTuple):
     responses : ndarray of shape (n, R, L)
         Response at each sample; NaN in failed rows.
     status : ndarray of shape (n,), int
-        OK only if the sample and all its perturbed neighbours could be simulated.
+        OK only if the sample and all its perturbed neighbours were simulated.
     """
 
     values: NDArray[np.float64]
@@ -71,15 +68,14 @@ def local_sensitivity(
     event : Event, optional
         The simulator's own where not given.
     relative : bool, default True
-        Measure Δθ_j against the parameter's scale (its nominal value), as the text of the paper says ("unit
-        relative variation"): S is then in the channels' unit times √s, and does not depend on the unit of
-        the parameter. Otherwise it is per unit of the parameter, as equation (13) is printed.
+        Measure Δθ_j in multiples of the parameter's scale (its nominal value), the "unit relative variation" of the
+        paper's text. S is then in the channels' unit times √s. Otherwise S is per unit of the parameter, as equation
+        (13) is printed.
     step : float, default 1e-3
-        Δθ_j divided by the parameter's scale. The parameter is increased, or decreased where the increase
-        would leave the bounds, because a model need not exist outside them; in a range narrower than two
-        steps the step is half the range.
+        Δθ_j divided by the parameter's scale. The parameter is increased, or decreased where the increase would leave
+        the bounds, because a model need not exist there. In a range narrower than two steps, half the range.
     weights : array-like of shape (R,), optional
-        λ of the channels; 1/R each where not given, so give them if the units differ in size.
+        λ of the channels; 1/R each where not given. Give them if the units differ in size.
     mask : array-like of shape (R, L), optional
         Instants that count; all where not given.
 
@@ -98,7 +94,7 @@ def local_sensitivity(
     delta = _steps(simulator, theta, check_real(step, "step", low=0, above=True))
     rows = np.repeat(theta[:, None, :], m + 1, axis=1)
     rows[:, np.arange(1, m + 1), np.arange(m)] += delta
-    # what was really added: theta + delta is rounded
+    # the difference after rounding
     delta = np.abs(rows[:, np.arange(1, m + 1), np.arange(m)] - theta)
 
     event = simulator.event if event is None else event
@@ -132,7 +128,7 @@ def contribution_labels(
     Parameters
     ----------
     simulator, theta, event, weights, mask
-        As in `local_sensitivity`; any number of samples fits into memory.
+        As in `local_sensitivity`, but for any number of samples: they are simulated in batches.
 
     Returns
     -------
@@ -156,23 +152,19 @@ def contribution_labels(
     """
     event = simulator.event if event is None else event
     theta = simulator.parameters.validate(theta)
-    rows = _batch_rows(simulator, event)
-    blocks = [theta[start : start + rows] for start in range(0, len(theta), rows)]
+    rows = batch_length(simulator, event, simulations=len(simulator.parameters) + 1)
     found = [
-        local_sensitivity(simulator, block, event, weights=weights, mask=mask).values for block in blocks
+        local_sensitivity(simulator, theta[i : i + rows], event, weights=weights, mask=mask).values
+        for i in range(0, len(theta), rows)
     ]
     return np.asarray(simulator.parameters.deviation(theta) * np.concatenate(found))
 
 
-def batch_length(simulator: Simulator, event: Event, batch_size: int = 1024) -> int:
-    """Return how many simulations should go to a simulator at a time: at most `batch_size`, or about 128 MB."""
+def batch_length(simulator: Simulator, event: Event, batch_size: int = 1024, *, simulations: int = 1) -> int:
+    """Number of samples of a batch: at most `batch_size` simulations and about 128 MB."""
     response_bytes = len(simulator.channels) * len(event.time) * np.dtype(float).itemsize
-    return max(1, min(batch_size, _BATCH_BYTES // (_COPIES * response_bytes)))
-
-
-def _batch_rows(simulator: Simulator, event: Event, batch_size: int = 1024) -> int:
-    """Return how many samples `local_sensitivity` should take at a time."""
-    return max(1, batch_length(simulator, event, batch_size) // (len(simulator.parameters) + 1))
+    length = max(1, min(batch_size, _BATCH_BYTES // (_COPIES * response_bytes)))
+    return max(1, length // simulations)
 
 
 def generate_dataset(
@@ -191,9 +183,8 @@ def generate_dataset(
 ) -> ErrorDataset:
     r"""Sample a simulator and label each sample with the contribution of each parameter.
 
-    The samples are a Latin hypercube, equation (1). The label is the deviation times the local sensitivity at
-    the sample, equations (12)–(15): :math:`c_j = r_j S_j`, see `local_sensitivity`. This costs n·(m + 1)
-    simulations.
+    The samples are a Latin hypercube, equation (1). The label is the deviation times the local sensitivity at the
+    sample, equations (12)–(15): :math:`c_j = r_j S_j`, see `local_sensitivity`. This costs n·(m + 1) simulations.
 
     Parameters
     ----------
@@ -206,21 +197,21 @@ def generate_dataset(
     relative, step, weights
         As in `local_sensitivity`.
     n_jobs : int, optional
-        Number of joblib workers; ``None`` follows ``joblib.parallel_config``, which also chooses the backend.
-        The result is the same, bit for bit, for any number.
+        Number of joblib workers; ``None`` follows ``joblib.parallel_config``, which also chooses the backend. The
+        result does not depend on it.
     batch_size : int, default 1024
-        About how many simulations go to the simulator at a time; fewer where the responses are long, so that a
-        batch takes about 128 MB.
+        Largest number of simulations of a batch; fewer where the responses are long, so that a batch takes about
+        128 MB.
     progress : bool, default False
         Show a progress bar.
     checkpoint : path-like, optional
-        Folder in which finished batches are kept. An interrupted call that is repeated with the same
-        arguments, among them a `random_state` that is not ``None``, goes on where it ended.
+        Folder for finished batches. An interrupted call resumes when it is repeated with the same arguments and a
+        `random_state` that is not ``None``.
 
     Returns
     -------
     ErrorDataset
-        Failed samples are in it, with their status; `ErrorDataset.valid` leaves them out.
+        With the failed samples; `ErrorDataset.valid` leaves them out.
 
     Raises
     ------
@@ -232,7 +223,7 @@ def generate_dataset(
     Warns
     -----
     DataWarning
-        If some samples failed: how many, and what to do about it.
+        If some samples failed: their number, and the remedy.
     """
     event = simulator.event if event is None else event
     batch_size = check_integer(batch_size, "batch_size")
@@ -241,28 +232,31 @@ def generate_dataset(
     baseline = simulator.baseline(event)
     theta = latin_hypercube(simulator.parameters, n_samples, random_state)
 
-    # fixed by the arguments alone, so that n_jobs changes nothing
-    rows = _batch_rows(simulator, event, batch_size)
+    # batches depend on the arguments alone, so that n_jobs changes nothing
+    rows = batch_length(simulator, event, batch_size, simulations=len(simulator.parameters) + 1)
     batches = [theta[start : start + rows] for start in range(0, len(theta), rows)]
     options = {"relative": bool(relative), "step": step, "weights": lambdas.tolist()}
     store = None
     if checkpoint is not None:
         if random_state is None:
-            raise InputError("random_state is None, so the samples differ in each call", where="checkpoint")
+            raise InputError(
+                "random_state is None, so the samples differ in each call",
+                where="checkpoint",
+                remedy="Give random_state, for example 0",
+            )
+        settings = (type(simulator).__qualname__, simulator.channels, simulator.settings(), baseline)
         fingerprint = {
-            "simulator": digest(
-                type(simulator).__qualname__, simulator.channels, simulator.settings(), baseline
-            ),
+            "simulator": digest(*settings),
             "parameters": digest(list(simulator.parameters)),
             "event": digest(event),
             "samples": digest(theta, rows),
             "options": digest(options),
         }
-        store = Checkpoint(checkpoint, fingerprint)
+        store = Store(checkpoint, fingerprint)
     done = _run(simulator, batches, event, options, n_jobs, progress, store)
     data = ErrorDataset(
         theta=theta,
-        **{name: np.concatenate([batch[name] for batch in done]) for name in _FIELDS},
+        **{name: np.concatenate([batch[name] for batch in done]) for name in done[0]},
         baseline=baseline,
         names=simulator.parameters.names,
         channels=tuple(simulator.channels),
@@ -287,9 +281,9 @@ def _run(
     options: dict[str, Any],
     n_jobs: int | None,
     progress: bool,
-    store: Checkpoint | None,
+    store: Store | None,
 ) -> list[_Batch]:
-    """Simulate and label the batches that are not stored yet; return all in order."""
+    """Simulate and label the batches that are not stored; return all in order."""
     done = {} if store is None else store.load(range(len(batches)))
     missing = [i for i in range(len(batches)) if i not in done]
     tasks = (delayed(_label)(simulator, batches[i], event, options) for i in missing)
@@ -308,21 +302,20 @@ def _run(
                 raise
             raise KeyboardInterrupt(
                 f"{len(done)} of {len(batches)} batches are stored in {store.folder}; "
-                "the same call goes on from there"
+                "the same call resumes from there"
             ) from interrupt
     return [done[i] for i in range(len(batches))]
 
 
 def _label(simulator: Simulator, theta: NDArray[np.float64], event: Event, options: dict[str, Any]) -> _Batch:
     """Responses, labels (equations (12)–(15)) and status of one batch of samples."""
-    sensitivity = local_sensitivity(simulator, theta, event, **options)
-    contributions = simulator.parameters.deviation(theta) * sensitivity.values
-    values = (sensitivity.responses, contributions, sensitivity.status)
-    return dict(zip(_FIELDS, values, strict=True))
+    found = local_sensitivity(simulator, theta, event, **options)
+    contributions = simulator.parameters.deviation(theta) * found.values
+    return {"responses": found.responses, "contributions": contributions, "status": found.status}
 
 
 def _steps(simulator: Simulator, theta: NDArray[np.float64], step: float) -> NDArray[np.float64]:
-    """Δθ of each sample and parameter, (n, m): upwards, or downwards where that would leave the bounds."""
+    """Δθ of each sample and parameter, (n, m): positive unless that leaves the bounds."""
     lower, upper = simulator.parameters.bounds.T
     size = np.minimum(step * simulator.parameters.scales, (upper - lower) / 2)
     return np.where(theta + size <= upper, size, -size)

@@ -33,22 +33,9 @@ def build_network(
     dropout: float,
     nonnegative: bool,
 ) -> nn.Sequential:
-    """Three convolution and two fully connected layers, equations (17)–(19).
+    """Three convolution and two fully connected layers, equations (17)–(19), for images of any shape (R, H, W).
 
-    Parameters
-    ----------
-    shape : tuple (R, H, W)
-        Channels, rows and columns of an image; any size from (1, 1, 1).
-    n_outputs : int
-        Number of parameters m.
-    n_filters : tuple of three int
-        Filters of the convolution layers.
-    n_hidden : int
-        Units of the first fully connected layer.
-    dropout : float
-        Share of hidden units left out in training.
-    nonnegative : bool
-        Softplus after the last layer, or nothing.
+    `nonnegative` adds Softplus after the last layer; the other arguments are those of `CNNContributionRegressor`.
 
     Examples
     --------
@@ -58,10 +45,10 @@ def build_network(
     """
     channels, *size = shape
     layers: list[nn.Module] = []
-    # Strides, not max pooling: what tells similar parameters apart are small differences of signed coefficients, and
-    # the largest of four neighbours does not keep them. The first layer looks wide, because most of the work is there.
+    # Strides, not max pooling: similar parameters differ by little in the signed coefficients, and the largest of four
+    # neighbours loses that difference. Only the first layer has a wide kernel and stride, because it costs most.
     for filters, reach, stride in zip(n_filters, (5, 3, 3), (2, 1, 2), strict=True):
-        kernel = [min(reach, 2 * length - 1) for length in size]  # a wider one would only see more padding
+        kernel = [min(reach, 2 * length - 1) for length in size]  # a wider one would only cover more padding
         layers.append(nn.Conv2d(channels, filters, kernel, stride, padding=[k // 2 for k in kernel]))
         layers += [nn.BatchNorm2d(filters), nn.ReLU()]
         size = [math.ceil(length / stride) for length in size]
@@ -78,12 +65,7 @@ def build_network(
 
 
 def find_device(name: str) -> str:
-    """Return the torch device that `name` stands for; ``"auto"`` is a GPU where there is one.
-
-    Raises
-    ------
-    InputError
-        If torch does not know the device or cannot use it here.
+    """Return the torch device of this name, or raise `InputError`; ``"auto"`` is a GPU where there is one.
 
     Examples
     --------
@@ -104,7 +86,7 @@ def find_device(name: str) -> str:
 
 @contextmanager
 def own_random_state(seed: int) -> Iterator[None]:
-    """Give torch its own random numbers and repeatable kernels for a while, and leave the caller's alone."""
+    """Give torch its own random numbers and repeatable kernels inside the block; the caller's are restored."""
     devices = range(torch.cuda.device_count())
     kernels = torch.backends.cudnn.flags(enabled=True, benchmark=False, deterministic=True)
     with torch.random.fork_rng(devices=devices), kernels:
@@ -132,23 +114,23 @@ class Progress(Callback):
 
 
 class Net(NeuralNet):
-    """Net that knows whether its training came to its end: skorch keeps quiet about an interrupted one."""
+    """Net that records whether its training was completed; skorch returns silently from an interrupted one."""
 
     def fit_loop(self, X: Any, y: Any = None, epochs: int | None = None, **parameters: Any) -> Net:
-        """Train; an interrupt, also that of early stopping, leaves `completed_` false."""
+        """Train; an interrupt, and early stopping too, leaves `completed_` false."""
         self.completed_ = False
         super().fit_loop(X, y, epochs, **parameters)
         self.completed_ = True
         return self
 
 
-def wrap_network(network: nn.Module, *, device: str, batch_size: int) -> Net:
-    """Hold a network in a skorch net that can predict and be trained on."""
+def wrap_network(network: nn.Module, device: str, batch_size: int) -> Net:
+    """Wrap a network in an untrained skorch net."""
     return Net(network, nn.HuberLoss, device=device, batch_size=batch_size, train_split=None, verbose=0)
 
 
 def read_weights(net: NeuralNet) -> dict[str, NDArray[Any]]:
-    """Weights of a trained net in float32, in which they were trained."""
+    """Weights of a trained net in float32, the precision of the training."""
     return {
         name: (value.float() if value.is_floating_point() else value).cpu().numpy()
         for name, value in net.module_.state_dict().items()
@@ -156,58 +138,40 @@ def read_weights(net: NeuralNet) -> dict[str, NDArray[Any]]:
 
 
 def load_weights(net: NeuralNet, weights: Mapping[str, NDArray[Any]]) -> None:
-    """Make a net a trained one; torch raises RuntimeError where the weights do not fit."""
+    """Load weights into a net; torch raises RuntimeError where they do not fit."""
     net.initialize()
     net.module_.load_state_dict({name: torch.from_numpy(value) for name, value in weights.items()})
     net.module_.double()
 
 
-def train_network(
-    net: Net,
-    X: NDArray[Any],
-    y: NDArray[Any],
-    *,
-    lr: float,
-    lr_schedule: str,
-    weight_decay: float,
-    huber_delta: float,
-    max_epochs: int,
-    patience: int | None,
-    validation_fraction: float,
-    split_seed: int,
-    progress: bool,
-) -> None:
+def train_network(net: Net, X: NDArray[Any], y: NDArray[Any], options: Any, split_seed: int) -> None:
     """Train with the Huber loss, equations (20) and (21), and keep the weights of the best epoch.
 
-    The part of the samples that judges the epochs is drawn with `split_seed`; without `patience`, or with too
-    few samples to set one aside and keep two, all epochs are run and the last weights are kept.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        Where the user stops the training: skorch would return a half-trained net.
-    InputError
-        If the loss becomes infinite or NaN.
+    `options` has the parameters of `CNNContributionRegressor`. The validation samples are drawn with `split_seed`.
+    Without `patience`, or with too few samples to set one aside and keep two, all epochs are run and the last weights
+    are kept. Raises `KeyboardInterrupt` where the user stops the training (skorch would return a half-trained net) and
+    `InputError` if the loss is not finite.
     """
-    n_validation = math.ceil(validation_fraction * len(X))  # as scikit-learn rounds it
-    watched = patience is not None and validation_fraction * len(X) >= 1 and len(X) - n_validation >= 2
+    fraction, patience = options.validation_fraction, options.patience
+    n_validation = math.ceil(fraction * len(X))  # as scikit-learn rounds it
+    watched = patience is not None and fraction * len(X) >= 1 and len(X) - n_validation >= 2
     n_train = len(X) - n_validation * watched
     stopping = EarlyStopping(patience=patience, load_best=True, sink=noop)
     # down to 0 at the end of the last epoch, along half a cosine
-    cosine = LRScheduler(torch.optim.lr_scheduler.CosineAnnealingLR, T_max=max_epochs)
+    cosine = LRScheduler(torch.optim.lr_scheduler.CosineAnnealingLR, T_max=options.max_epochs)
     net.set_params(
         optimizer=torch.optim.AdamW,
-        optimizer__weight_decay=weight_decay,
-        lr=lr,
-        criterion__delta=huber_delta,
-        max_epochs=max_epochs,
+        optimizer__weight_decay=options.weight_decay,
+        lr=options.lr,
+        criterion__delta=options.huber_delta,
+        max_epochs=options.max_epochs,
         iterator_train__shuffle=True,
-        # batch normalisation has nothing to normalise in a last batch of one sample
+        # batch normalisation fails on a last batch of one sample
         iterator_train__drop_last=n_train > net.batch_size and n_train % net.batch_size == 1,
-        train_split=ValidSplit(validation_fraction, random_state=split_seed) if watched else None,
+        train_split=ValidSplit(fraction, random_state=split_seed) if watched else None,
         callbacks=[("stopping", stopping)] * watched
-        + [("schedule", cosine)] * (lr_schedule == "cosine")
-        + [("progress", Progress())] * progress,
+        + [("schedule", cosine)] * (options.lr_schedule == "cosine")
+        + [("progress", Progress())] * options.verbose,
     )
     net.fit(np.require(X, requirements="W"), y)  # torch warns of arrays that it could not write to
     if not (net.completed_ or (watched and stopping.misses_ == patience)):

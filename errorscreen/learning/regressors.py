@@ -1,4 +1,4 @@
-"""The network that reads contributions off images, as a scikit-learn regressor."""
+"""The network from images to contributions as a scikit-learn regressor."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from errorscreen.exceptions import InputError, MissingExtraError, check_integer,
 from errorscreen.features.checks import as_images, check_choice, check_stack
 
 _FORMAT, _VERSION = "errorscreen-cnn", 2
-# fitted values that are written to a file beside the weights and the target scale
+# fitted values stored beside the weights and the target scale
 _FITTED = ("shape_in_", "n_features_in_", "n_outputs_", "nonnegative_", "_one_dimensional")
 _CURVES = ("loss_curve_", "validation_curve_")
 
@@ -28,8 +28,8 @@ class CNNContributionRegressor(RegressorMixin, BaseEstimator):
     r"""Convolutional network from images to contributions, equations (17)–(21).
 
     Three convolution layers, each with batch normalisation and ReLU, two of them with stride 2, and two fully connected
-    layers; the output passes through Softplus, so contributions are positive. Trained with the Huber loss
-    (20), (21) by AdamW. Needs ``pip install "errorscreen[cnn]"``.
+    layers; Softplus makes contributions positive. AdamW minimises the Huber loss (20), (21). Needs
+    ``pip install "errorscreen[cnn]"``.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class CNNContributionRegressor(RegressorMixin, BaseEstimator):
     lr : float, default 3e-3
         Step size of the optimiser.
     lr_schedule : {"cosine", "constant"}, default "cosine"
-        ``"cosine"`` lowers the step size to 0 over `max_epochs`; the last, small steps average out the noise of the
+        ``"cosine"`` lowers the step size to 0 over `max_epochs`; the last small steps average out the noise of the
         batches.
     weight_decay : float, default 1e-4
     batch_size : int, default 32
@@ -52,22 +52,21 @@ class CNNContributionRegressor(RegressorMixin, BaseEstimator):
         Stop after this many epochs without a better validation loss and restore the best weights; None runs
         all epochs on all samples.
     validation_fraction : float, default 0.15
-        Share of the samples that is set aside for this; where it is less than one sample, none is.
+        Share of the samples set aside for this; none where it is less than one sample.
     huber_delta : float, default 1.0
         Threshold δ, in multiples of the target scale.
     target_power : float, default 0.5
-        Labels of an output are divided by μ·(μⱼ/μ)^power before the loss, with the mean size μⱼ of the output
-        and μ of all outputs. 0 weighs errors by their size, so outputs that are small throughout are hardly
-        learned; 1 weighs relative errors, so small outputs count as much as large ones. The middle ranked best
-        on trial problems.
+        Labels of an output are divided by μ·(μⱼ/μ)^power before the loss, with the mean size μⱼ of the output and μ
+        of all outputs. With 0, small outputs are hardly learned; with 1, they count as much as large ones. 0.5 ranked
+        best on trial problems.
     output : {"auto", "softplus", "linear"}, default "auto"
-        Labels of (15) are nonnegative and get Softplus; ``"auto"`` falls back to a linear output, with labels
-        centred as well, where some label is negative.
+        Labels of (15) are nonnegative and get Softplus; ``"auto"`` takes a linear output and centred labels where
+        some label is negative.
     device : str, default "auto"
-        ``"auto"`` is a GPU where torch can use one; else a name that torch knows.
+        Name of a torch device; ``"auto"`` is a GPU where torch can use one.
     random_state : int, RandomState instance or None, default None
-        Seeds weights, order of samples, dropout and validation split, without touching torch's own state. With
-        an integer, results repeat bit by bit on the same machine with the same number of threads.
+        Seed of weights, order of samples, dropout and validation split; torch's own state stays. With an integer,
+        results repeat bit by bit on the same machine with the same number of threads.
     verbose : bool, default False
         Show a progress bar.
 
@@ -85,8 +84,6 @@ class CNNContributionRegressor(RegressorMixin, BaseEstimator):
         Number of parameters m.
     shape_in_ : tuple
         Shape of one sample in fit.
-    n_features_in_ : int
-        Length of the axis after the samples.
 
     Raises
     ------
@@ -97,8 +94,7 @@ class CNNContributionRegressor(RegressorMixin, BaseEstimator):
 
     Notes
     -----
-    Input is (n, R, H, W) in float32; (n, R, L) is read as images of one row, and (n, F) as one channel of one
-    row.
+    Input is (n, R, H, W) in float32; (n, R, L) is read as images of one row, and (n, F) as one channel of one row.
 
     Examples
     --------
@@ -148,63 +144,24 @@ class CNNContributionRegressor(RegressorMixin, BaseEstimator):
         self.verbose = verbose
 
     def fit(self, X: ArrayLike, y: ArrayLike) -> CNNContributionRegressor:
-        """Train the network.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, R, H, W), (n, R, L) or (n, F)
-            Images.
-        y : array-like of shape (n, m) or (n,)
-            Contributions.
-        """
+        """Train with contributions y, (n, m) or (n,), on images X of shape (n, R, H, W), (n, R, L) or (n, F)."""
         network = import_network()
         self._check_options()
-        images, y = check_stack(
-            self,
-            X,
-            y=y,
-            reset=True,
-            max_ndim=4,
-            dtype=np.float32,
-            multi_output=True,
-            y_numeric=True,
-            ensure_min_samples=2,
-        )
+        checks = {"multi_output": True, "y_numeric": True, "ensure_min_samples": 2}
+        images, y = check_stack(self, X, y=y, reset=True, max_ndim=4, dtype=np.float32, **checks)
         targets = self._scale_targets(np.asarray(y, dtype=float))
         seed = check_random_state(self.random_state).randint(np.iinfo(np.int32).max)
         with network.own_random_state(seed):
             net = self._build(network)
-            network.train_network(
-                net,
-                as_images(images),
-                targets,
-                lr=self.lr,
-                lr_schedule=self.lr_schedule,
-                weight_decay=self.weight_decay,
-                huber_delta=self.huber_delta,
-                max_epochs=self.max_epochs,
-                patience=self.patience,
-                validation_fraction=self.validation_fraction,
-                split_seed=seed,
-                progress=self.verbose,
-            )
-        self.net_ = net  # only now, so that an interrupted fit leaves nothing that could predict
+            network.train_network(net, as_images(images), targets, self, seed)
+        self.net_ = net  # only now, so that an interrupted fit leaves no net that predicts
         self.loss_curve_ = self.net_.history[:, "train_loss"]
         validated = "valid_loss" in self.net_.history[-1]
         self.validation_curve_ = self.net_.history[:, "valid_loss"] if validated else []
         return self
 
     def predict(self, X: ArrayLike) -> NDArray[np.float64]:
-        """Contributions of new images.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, R, H, W), (n, R, L) or (n, F)
-
-        Returns
-        -------
-        ndarray of shape (n, m), or (n,) where fit was given a 1-D `y`
-        """
+        """Contributions (n, m) of images X, or (n,) where fit was given a 1-D y."""
         check_is_fitted(self, "net_")
         images = as_images(check_stack(self, X, reset=False, max_ndim=4, dtype=np.float32))
         network = import_network()
@@ -214,14 +171,9 @@ class CNNContributionRegressor(RegressorMixin, BaseEstimator):
         return contributions.ravel() if self._one_dimensional else contributions
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the fitted regressor to one safetensors file, weights and configuration together.
+        """Write weights and configuration to one safetensors file; return its path.
 
-        A `random_state` that is not an integer is written as None.
-
-        Raises
-        ------
-        InputError
-            If the file cannot be written.
+        A `random_state` that is not an integer is written as None. Raises `InputError` if the file cannot be written.
         """
         check_is_fitted(self, "net_")
         parameters = self.get_params(deep=False)
@@ -240,18 +192,9 @@ class CNNContributionRegressor(RegressorMixin, BaseEstimator):
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, device: str = "auto") -> CNNContributionRegressor:
-        """Read what `save` wrote; no code in the file is run.
+        """Read a file of `save`, for predictions on any `device`; no code in it is run.
 
-        Parameters
-        ----------
-        path : path-like
-        device : str, default "auto"
-            Where to predict, whatever device the network was trained on.
-
-        Raises
-        ------
-        InputError
-            If the file is missing, damaged, or of another format or version.
+        Raises `InputError` if the file is missing, damaged, or of another format or version.
         """
         network = import_network()
         arrays, meta = load_tensors(path, format=_FORMAT, version=_VERSION)
@@ -282,9 +225,7 @@ class CNNContributionRegressor(RegressorMixin, BaseEstimator):
         module = network.build_network(
             (channels, *size), self.n_outputs_, self.n_filters, self.n_hidden, self.dropout, self.nonnegative_
         )
-        return network.wrap_network(
-            module, device=network.find_device(self.device), batch_size=self.batch_size
-        )
+        return network.wrap_network(module, network.find_device(self.device), self.batch_size)
 
     def _scale_targets(self, y: NDArray[np.float64]) -> NDArray[np.float32]:
         """Choose the output layer and the scale of the labels, and scale them."""
@@ -302,7 +243,7 @@ class CNNContributionRegressor(RegressorMixin, BaseEstimator):
         self.target_offset_ = np.zeros(self.n_outputs_) if self.nonnegative_ else y.mean(axis=0)
         sizes = np.abs(y - self.target_offset_).mean(axis=0)
         mean = sizes.mean() or 1.0
-        # an output that never changes, or is always 0, has no size of its own
+        # a constant output has no size of its own
         self.target_scale_ = mean * np.where(sizes > 0, sizes / mean, 1.0) ** self.target_power
         return ((y - self.target_offset_) / self.target_scale_).astype(np.float32)
 
@@ -338,14 +279,14 @@ class CNNContributionRegressor(RegressorMixin, BaseEstimator):
 
 
 def require_network() -> None:
-    """Say what to install where the network cannot be imported, without the seconds that its import takes."""
+    """Raise `MissingExtraError` where the network cannot be imported, without the slow import of torch."""
     for name in ("torch", "skorch"):
         if importlib.util.find_spec(name) is None:
             raise MissingExtraError(name, extra="cnn")
 
 
 def import_network() -> Any:
-    """Import the module that needs torch, or say what to install."""
+    """Import the module that needs torch, or raise `MissingExtraError`."""
     try:
         from errorscreen.learning import network
     except ImportError as error:

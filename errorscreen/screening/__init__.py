@@ -1,7 +1,7 @@
-"""Screeners: rank the parameters by what they contribute to the error, and select the worst."""
+"""Screeners: rank parameters by their contribution to the error and select the most suspicious."""
 
 from errorscreen.screening.attribution import AttributionScreener
-from errorscreen.screening.base import BaseScreener
+from errorscreen.screening.base import BaseScreener, ParameterRanking
 from errorscreen.screening.contribution import ContributionScreener, contribution_pipeline
 from errorscreen.screening.identifiability import IdentifiabilityScreener
 from errorscreen.screening.random import RandomScreener
@@ -13,6 +13,7 @@ __all__ = [
     "BaseScreener",
     "ContributionScreener",
     "IdentifiabilityScreener",
+    "ParameterRanking",
     "RandomScreener",
     "RelativeThresholdSelector",
     "SensitivityScreener",

@@ -1,4 +1,4 @@
-"""Ranking by what a fit of all parameters attributes to each of them."""
+"""Ranking by the share of the error that a fit of all parameters attributes to each."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ from errorscreen.simulators.observations import as_observations
 class AttributionScreener(BaseScreener):
     r"""Rank parameters by their expected contribution, given a bounded fit of all of them.
 
-    All candidates are calibrated together (`MAPCalibrator`). The recording then leaves a distribution of parameter
-    vectors open; the contribution is the mean of the label of equations (14) and (15),
+    All candidates are calibrated together (`MAPCalibrator`). The contribution is the mean of the label of equations
+    (14) and (15) over samples of the posterior distribution and over the recordings:
 
-    .. math:: \hat c_j = \mathrm{E}\left[\,|\theta_j / \theta_{j,0} - 1| \; S_j(\theta)\,\right],
+    .. math:: \hat c_j = \mathrm{E}\left[\,|\theta_j / \theta_{j,0} - 1| \; S_j(\theta)\,\right]
 
-    over samples of it, and over the recordings. At the calibrated values alone a parameter that the recording hardly
-    determines would stay at its nominal value, and its contribution at 0, although it may have moved.
+    The calibrated values alone would not do: a parameter that the recording hardly determines stays at its nominal
+    value there, with a contribution of 0, although it may have moved.
 
     Parameters
     ----------
     simulator : Simulator
     calibrator : MAPCalibrator, optional
-        Of this simulator and all its parameters; ``MAPCalibrator(simulator)`` where not given. One that is fitted
-        already is not fitted again inside a `sklearn.frozen.FrozenEstimator`.
+        For this simulator and all its parameters; ``MAPCalibrator(simulator)`` where not given. A fitted one inside a
+        `sklearn.frozen.FrozenEstimator` is not fitted again.
     n_samples : int, default 64
-        Number of samples, each of which costs m + 1 simulations for each recording.
+        Number of samples; each costs m + 1 simulations for each recording.
     weights : array-like of shape (R,), optional
         λ of the channels; 1/R each where not given.
     random_state : None, int, SeedSequence, Generator or RandomState
@@ -52,8 +52,7 @@ class AttributionScreener(BaseScreener):
     calibrator_ : MAPCalibrator
         The fit.
     n_simulations_, n_failed_ : int
-        Simulations of fit and samples; failed simulations of the fit, and samples that were left out because one of
-        theirs failed.
+        Simulations of fit and samples; failed simulations of the fit plus samples left out after a failure.
 
     Examples
     --------
@@ -88,31 +87,22 @@ class AttributionScreener(BaseScreener):
         self.random_state = random_state
 
     def fit(self, X: Any, y: None = None) -> AttributionScreener:
-        """Calibrate all parameters on one recording or several, and rank them.
-
-        Parameters
-        ----------
-        X : Observation, or anything ``simulator.observe`` takes, or a list of them
-        y : None
-            Not used, present for scikit-learn.
-
-        Raises
-        ------
-        InputError
-            If an argument or a recording cannot be used.
-        SimulationError
-            If the fit fails, or no sample can be simulated.
-        """
+        """Calibrate all parameters and rank them; see `BaseScreener.fit`."""
         observations = as_observations(self.simulator, X)
         space = self.simulator.parameters
         n_samples = check_integer(self.n_samples, "n_samples")
         channel_weights(self.weights, len(self.simulator.channels))
         for_fit, for_samples = generator(self.random_state).integers(2**31, size=2).tolist()
         default = MAPCalibrator(self.simulator, random_state=for_fit)
-        self.calibrator_ = clone(default if self.calibrator is None else self.calibrator).fit(
-            observations, None
-        )
-        self._check_calibrator()
+        calibrator = clone(default if self.calibrator is None else self.calibrator)
+        self.calibrator_ = calibrator.fit(observations, None)
+        names, own = tuple(self.calibrator_.names_), space.names
+        if names != own or self.calibrator_.simulator.parameters.names != own:
+            raise InputError(
+                f"the calibrator fitted {', '.join(names)}",
+                where="AttributionScreener",
+                allowed=f"a fit of all parameters of the simulator: {', '.join(own)}",
+            )
         theta = self.calibrator_.sample_posterior(n_samples, for_samples)
         labels = np.mean(
             [
@@ -125,21 +115,10 @@ class AttributionScreener(BaseScreener):
         self.n_failed_ = self.calibrator_.n_failed_ + len(labels) - len(self.samples_)
         if not len(self.samples_):
             raise SimulationError("no sample around the calibrated values could be simulated.")
-        self.n_simulations_ = self.calibrator_.n_simulations_ + n_samples * (len(space) + 1) * len(
-            observations
-        )
+        labelling = n_samples * (len(space) + 1) * len(observations)
+        self.n_simulations_ = self.calibrator_.n_simulations_ + labelling
         self._store(self.samples_.mean(axis=0), space.names)
         return self
-
-    def _check_calibrator(self) -> None:
-        """Insist on a fit of all parameters of this simulator."""
-        names, own = tuple(self.calibrator_.names_), self.simulator.parameters.names
-        if names != own or self.calibrator_.simulator.parameters.names != own:
-            raise InputError(
-                f"the calibrator fitted {', '.join(names)}",
-                where="AttributionScreener",
-                allowed=f"a fit of all parameters of the simulator: {', '.join(own)}",
-            )
 
     def inclusion_probability(self, k: int) -> NDArray[np.float64]:
         """Share of the samples in which each parameter has one of the k largest contributions, shape (m,)."""

@@ -1,20 +1,89 @@
-"""What all screeners share: a contribution for each parameter and the ranking that follows from it."""
+"""The ranking of parameters that all screeners give."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
+from functools import cached_property
+from html import escape
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
+from errorscreen._runtime.display import listed, shortened
 from errorscreen.exceptions import check_integer
 from errorscreen.metrics import ranking
 
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
 
-class BaseScreener(BaseEstimator):
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ParameterRanking:
+    """Contributions of parameters to an error, most suspicious first.
+
+    Parameters
+    ----------
+    contributions : ndarray of shape (m,)
+        Larger is more suspicious; equal ones keep their order.
+    names : tuple of m str
+
+    Examples
+    --------
+    >>> found = ParameterRanking(np.array([0.5, 2.0]), ("Xd", "H"))
+    >>> found
+    ParameterRanking(2 parameters: H, Xd)
+    >>> print(found.summary())
+    parameter  contribution
+            H             2
+           Xd           0.5
+    """
+
+    contributions: NDArray[np.float64]
+    names: tuple[str, ...]
+
+    @cached_property
+    def order(self) -> NDArray[np.int64]:
+        """Indices from the most to the least suspicious, shape (m,)."""
+        return ranking(self.contributions)
+
+    @property
+    def ranked_names(self) -> tuple[str, ...]:
+        """Names from the most to the least suspicious."""
+        return tuple(self.names[j] for j in self.order)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Data frame with the columns ``parameter`` and ``contribution``, most suspicious first."""
+        import pandas as pd
+
+        return pd.DataFrame(
+            {"parameter": self.ranked_names, "contribution": self.contributions[self.order]},
+            index=pd.RangeIndex(1, len(self.names) + 1, name="rank"),
+        )
+
+    def summary(self) -> str:
+        """Table of the parameters as text, most suspicious first."""
+        return str(self.to_frame().to_string(index=False, float_format="{:.4g}".format))
+
+    def plot(self) -> Figure:
+        """Bar chart of the contributions."""
+        from errorscreen.plotting import plot_bars  # imports matplotlib
+
+        return plot_bars(dict(zip(self.names, self.contributions.tolist(), strict=True)), "contribution")
+
+    def __repr__(self) -> str:
+        return shortened(f"ParameterRanking({len(self.names)} parameters: {listed(self.ranked_names)})")
+
+    def _repr_html_(self) -> str:
+        return str(self.to_frame().to_html(float_format="{:.4g}".format))
+
+
+class BaseScreener(BaseEstimator, ABC):
     """Base class of screeners; `fit` of a subclass calls `_store`.
 
     Attributes
@@ -34,18 +103,31 @@ class BaseScreener(BaseEstimator):
     ranking_: NDArray[np.int64]
     ranked_names_: tuple[str, ...]
 
+    @abstractmethod
+    def fit(self, X: Any, y: None = None) -> Any:
+        """Rank the parameters.
+
+        Parameters
+        ----------
+        X : Observation, or anything ``simulator.observe`` takes, or a list of them
+        y : None
+            Not used, present for scikit-learn.
+
+        Raises
+        ------
+        InputError
+            If an argument or a recording cannot be used.
+        SimulationError
+            If simulations fail without which there is no ranking.
+        """
+
     def select(self, selector: Any) -> tuple[str, ...]:
         """Names of the selected parameters, most suspicious first.
 
         Parameters
         ----------
         selector : int or object with ``select(contributions)``
-            A number K takes the K most suspicious; an object returns their indices.
-
-        Raises
-        ------
-        InputError
-            If K is not between 1 and m.
+            A number K from 1 to m takes the K most suspicious; an object returns their indices.
         """
         check_is_fitted(self, "contributions_")
         if hasattr(selector, "select"):
@@ -55,14 +137,39 @@ class BaseScreener(BaseEstimator):
             : check_integer(selector, "the number of parameters", high=len(self.names_))
         ]
 
+    def summary(self) -> str:
+        """Table of the parameters as text, most suspicious first."""
+        return self._result().summary()
+
+    def plot(self) -> Figure:
+        """Bar chart of the contributions."""
+        return self._result().plot()
+
+    def to_frame(self) -> pd.DataFrame:
+        """Data frame with the columns ``parameter`` and ``contribution``, most suspicious first."""
+        return self._result().to_frame()
+
+    def _result(self) -> ParameterRanking:
+        check_is_fitted(self, "contributions_")
+        return ParameterRanking(self.contributions_, self.names_)
+
     def _store(self, contributions: ArrayLike, names: Sequence[str]) -> None:
         self.contributions_ = np.asarray(contributions, dtype=float)
         self.names_ = tuple(names)
-        self.ranking_ = ranking(self.contributions_)
-        self.ranked_names_ = tuple(self.names_[j] for j in self.ranking_)
+        found = self._result()
+        self.ranking_, self.ranked_names_ = found.order, found.ranked_names
+
+    def __repr__(self, N_CHAR_MAX: int = 700) -> str:
+        return shortened(" ".join(super().__repr__(N_CHAR_MAX).split()))
+
+    def _html_repr(self) -> str:
+        """Ranking for a notebook, below the name; scikit-learn's diagram before `fit`."""
+        if not hasattr(self, "contributions_"):
+            return str(super()._html_repr())
+        return f"<p>{escape(repr(self))}</p>{self._result()._repr_html_()}"
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()
-        tags.input_tags.two_d_array = False  # what is fitted is a recording
+        tags.input_tags.two_d_array = False  # X is a recording
         tags.target_tags.required = False
         return tags

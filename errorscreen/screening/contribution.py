@@ -1,4 +1,4 @@
-"""Screening by what the response error looks like: the paper's method."""
+"""Screening by the pattern of the response error: the paper's method."""
 
 from __future__ import annotations
 
@@ -17,17 +17,18 @@ from errorscreen.features import ChannelScaler, CWTTransformer, ErrorWhitener
 from errorscreen.features.checks import check_noise, check_stack
 from errorscreen.learning.regressors import CNNContributionRegressor
 from errorscreen.metrics import ranking
+from errorscreen.screening.base import ParameterRanking
 
 
 def contribution_pipeline(sampling_period: float = 1.0, random_state: Any = None) -> Pipeline:
-    """Wavelet images, frozen scaling, network: what `ContributionScreener` uses where nothing is given.
+    """Wavelet images, frozen scaling and network: the default estimator of `ContributionScreener`.
 
-    The images hold the energy of the paper and the signed coefficients, which rank better: a parameter that is
-    too large and one that is too small have the same energy but differ in how they mix with others. The coefficients
-    are not compressed, and each pixel is scaled by itself, because what tells two similar parameters apart is a small
-    difference on top of what they share. The images are smaller (16 x 32) than the paper's (64 x 256), from which the
-    network learns more slowly: with 600 samples of a machine with eight parameters the first four were right in 87 %
-    instead of 65 %, after a twentieth of the time.
+    The images hold the energy of the paper and the signed coefficients. The latter improve the ranking: a parameter
+    that is too large and one that is too small have the same energy, but mix with others differently. The coefficients
+    are not compressed and each pixel is scaled by itself, because similar parameters differ by little on top of what
+    they share. The images are smaller (16 x 32) than the paper's (64 x 256), from which the network learns more
+    slowly: with 600 samples of a machine with eight parameters the first four were right in 87 % instead of 65 %,
+    after a twentieth of the time.
 
     Parameters
     ----------
@@ -64,16 +65,14 @@ class ContributionScreener(RegressorMixin, BaseEstimator):
         For `rank_names`; ``parameter_0`` and so on where not given.
     noise : float or array-like of shape (R,) or (R, L), optional
         Standard deviation of the measurement noise of each channel, or of each sample of it (0 where nothing was
-        measured), in the channel's unit. Training errors get white noise of this size, since simulated ones have
-        none and measured ones do.
+        measured), in the channel's unit. Training errors get white noise of this size.
     n_copies : int, default 1
-        With `noise`: how often each training error is used, with other noise each time.
+        With `noise`: copies of each training error, each with its own noise.
     whiten : bool, default True
-        Bring out what is small in the errors but above the noise, before the estimator sees them, see `ErrorWhitener`:
-        where a few parameters shape most of the error, the others are read off what is small in it.
+        Amplify the small parts of the errors above the noise first, see `ErrorWhitener`. Where a few parameters shape
+        most of the error, only these parts show the others.
     random_state : int, RandomState instance or None, default None
-        Of the noise, and of the default estimator. One child of the seed for each sample, so that the noise of
-        a sample does not depend on how many there are.
+        Of the noise and of the default estimator. The noise of a sample does not depend on the number of samples.
 
     Attributes
     ----------
@@ -86,8 +85,6 @@ class ContributionScreener(RegressorMixin, BaseEstimator):
         Number of parameters m.
     shape_in_ : tuple
         Shape of one sample in fit.
-    n_features_in_ : int
-        Length of the axis after the samples.
 
     Raises
     ------
@@ -123,68 +120,39 @@ class ContributionScreener(RegressorMixin, BaseEstimator):
         self.random_state = random_state
 
     def fit(self, X: ArrayLike, y: ArrayLike) -> ContributionScreener:
-        """Learn contributions from errors.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, R, L), or (n, L) for one channel
-            Response errors.
-        y : array-like of shape (n, m)
-            Contributions, equations (14) and (15).
-        """
+        """Learn contributions y (n, m), equations (14) and (15), from errors X of shape (n, R, L), or (n, L)."""
         X, y = check_stack(self, X, y=y, reset=True, multi_output=True, y_numeric=True)
         y = np.asarray(y)
         self.n_outputs_ = 1 if y.ndim == 1 else y.shape[1]
         self.names_ = self._check_names()
         random_state = check_random_state(self.random_state)
-        # from errors without noise, which tell signal and noise apart better than any threshold
+        # fitted on noise-free errors, which separate signal from noise better than any threshold
         self.whitener_ = ErrorWhitener(self.noise).fit(X) if self.whiten else None
         if self.noise is not None:
             X, y = self._add_noise(np.asarray(X), y, random_state.randint(np.iinfo(np.int32).max))
         default = contribution_pipeline(random_state=random_state.randint(np.iinfo(np.int32).max))
-        self.estimator_ = clone(default if self.estimator is None else self.estimator).fit(
-            self._whitened(X), y
-        )
+        estimator = clone(default if self.estimator is None else self.estimator)
+        self.estimator_ = estimator.fit(self._whitened(X), y)
         return self
 
     def predict(self, X: ArrayLike) -> NDArray[np.float64]:
-        """Predict the contribution of each parameter to each error.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, R, L), or (n, L) for one channel
-
-        Returns
-        -------
-        ndarray of shape (n, m), or (n,) where fit was given a 1-D `y`
-        """
+        """Contributions (n, m) of the parameters to errors X, or (n,) where fit was given a 1-D y."""
         check_is_fitted(self)
-        return np.asarray(
-            self.estimator_.predict(self._whitened(check_stack(self, X, reset=False))), dtype=float
-        )
+        errors = self._whitened(check_stack(self, X, reset=False))
+        return np.asarray(self.estimator_.predict(errors), dtype=float)
 
     def rank(self, X: ArrayLike) -> NDArray[np.int64]:
-        """Rank the parameters, from the largest contribution down; equal ones keep their order.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, R, L), or (n, L) for one channel
-
-        Returns
-        -------
-        ndarray of shape (n, m)
-        """
+        """Indices (n, m) of the parameters for errors X, largest contribution first; equal ones keep their order."""
         contributions = self.predict(X)
         return ranking(contributions.reshape(len(contributions), -1))
 
     def rank_names(self, X: ArrayLike) -> list[tuple[str, ...]]:
-        """Names of the parameters from the largest contribution down, for each error.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, R, L), or (n, L) for one channel
-        """
+        """Names of the parameters for each of the errors X, largest contribution first."""
         return [tuple(self.names_[j] for j in row) for row in self.rank(X)]
+
+    def ranking_of(self, error: ArrayLike) -> ParameterRanking:
+        """Ranking for one error of shape (R, L), or (L,), with summary, plot and data frame."""
+        return ParameterRanking(np.ravel(self.predict(np.asarray(error)[None])), self.names_)
 
     def _whitened(self, X: Any) -> Any:
         return X if self.whitener_ is None else self.whitener_.transform(X)
@@ -202,7 +170,7 @@ class ContributionScreener(RegressorMixin, BaseEstimator):
         return names
 
     def _add_noise(self, X: NDArray[Any], y: NDArray[Any], seed: int) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Repeat each sample with white noise, from one random stream for each sample."""
+        """Repeat each sample with white noise of its own random stream."""
         copies = check_integer(self.n_copies, "n_copies")
         shape = X.shape[1:] if X.ndim == 3 else (1, X.shape[1])
         scale = check_noise(self.noise, shape, type(self).__name__).reshape(X.shape[1:])

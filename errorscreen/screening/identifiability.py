@@ -1,4 +1,4 @@
-"""Ranking by sensitivity with what other parameters already explain taken out."""
+"""Ranking by the part of each sensitivity that other parameters do not explain."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from errorscreen.simulators.base import Simulator
 
 
 class IdentifiabilityScreener(BaseScreener):
-    r"""Rank parameters by sensitivity and identifiability together, whatever the recording's values are.
+    r"""Rank parameters by sensitivity and identifiability together; the recorded values do not matter.
 
-    The columns of the sensitivity matrix are the changes of the response, in multiples of the measurement noise, for a
-    relative change of each parameter at the nominal values. A QR factorisation with column pivoting takes the largest
-    column first, then always the one with the largest part that is orthogonal to all columns taken before. A parameter
-    whose effect looks like that of stronger ones comes late, however sensitive the response is to it. It costs 2m + 1
+    A column of the sensitivity matrix is the change of the response, in multiples of the measurement noise, for a
+    relative change of one parameter at the nominal values. A QR factorisation with column pivoting takes the largest
+    column first, and then always the one with the largest part orthogonal to all columns taken before. A parameter
+    whose effect resembles that of stronger ones comes late, however sensitive the response is to it. It costs 2m + 1
     simulations for each recording.
 
     Parameters
@@ -32,8 +32,8 @@ class IdentifiabilityScreener(BaseScreener):
     Attributes
     ----------
     contributions_, names_, ranking_, ranked_names_
-        See `BaseScreener`; the contribution of a parameter is the length of the orthogonal part of its column when its
-        turn comes, :math:`|R_{ii}|`.
+        See `BaseScreener`; the contribution is the length of the orthogonal part of a parameter's column,
+        :math:`|R_{ii}|`.
     n_simulations_ : int
 
     References
@@ -58,25 +58,11 @@ class IdentifiabilityScreener(BaseScreener):
         self.step = step
 
     def fit(self, X: Any, y: None = None) -> IdentifiabilityScreener:
-        """Rank the parameters for the events, the gaps and the noise of one recording or several.
-
-        Parameters
-        ----------
-        X : Observation, or anything ``simulator.observe`` takes, or a list of them
-        y : None
-            Not used, present for scikit-learn.
-
-        Raises
-        ------
-        InputError
-            If an argument or a recording cannot be used.
-        SimulationError
-            If the simulation at the nominal parameters fails.
-        """
+        """Rank the parameters for the events, the gaps and the noise of recordings; see `BaseScreener.fit`."""
         problem = FitProblem(self.simulator, X)
         step = check_real(self.step, "step", low=0.0, above=True)
         m = len(problem.names)
-        # prior and tolerance only matter to a search that moves
+        # prior and tolerance only matter to a search that takes steps
         search = BoundedSearch(
             lambda u: problem.residuals(problem.values(u)),
             *problem.scaled_bounds,

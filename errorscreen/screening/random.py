@@ -1,4 +1,4 @@
-"""A ranking by chance: what any other ranking has to beat."""
+"""A random ranking, which every other ranking has to beat."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class RandomScreener(BaseScreener):
     Parameters
     ----------
     simulator : Simulator
-        Whose parameters are ranked; it is not run.
+        Its parameters are ranked; it is not run.
     random_state : None, int, SeedSequence, Generator or RandomState
 
     Attributes
@@ -29,13 +29,7 @@ class RandomScreener(BaseScreener):
         self.random_state = random_state
 
     def fit(self, X: Any = None, y: None = None) -> RandomScreener:
-        """Draw a ranking.
-
-        Parameters
-        ----------
-        X, y : object
-            Not used, present so that all screeners are fitted alike.
-        """
+        """Draw a ranking; X and y are not used."""
         names = self.simulator.parameters.names
         self._store(generator(self.random_state).random(len(names)), names)
         return self

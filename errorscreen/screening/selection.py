@@ -1,7 +1,8 @@
-"""From contributions to the parameters that are calibrated."""
+"""Selection of the parameters to calibrate by their contributions."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import Any
 
 import numpy as np
@@ -14,11 +15,11 @@ from errorscreen.exceptions import InputError, check_integer, check_real
 from errorscreen.metrics import ranking
 
 
-class ContributionSelector(SelectorMixin, BaseEstimator):
+class ContributionSelector(SelectorMixin, BaseEstimator, ABC):
     """Base class of selectors: `select` of a subclass picks from one score for each parameter.
 
-    As a scikit-learn feature selector it is fitted on the contributions of many samples and then picks the
-    columns of selected parameters out of any table (n, m), such as parameter values.
+    As a scikit-learn feature selector it is fitted on the contributions of many samples. `transform` then keeps the
+    columns of the selected parameters of any table (n, m), for example of parameter values.
 
     Attributes
     ----------
@@ -30,29 +31,12 @@ class ContributionSelector(SelectorMixin, BaseEstimator):
         Number of parameters m.
     """
 
+    @abstractmethod
     def select(self, scores: ArrayLike) -> NDArray[np.int64]:
-        """Indices of the selected parameters, largest score first; equal scores keep their order.
-
-        Parameters
-        ----------
-        scores : array-like of shape (m,)
-            One contribution for each parameter. Needs no fit.
-
-        Returns
-        -------
-        ndarray of shape (k,)
-        """
-        raise NotImplementedError
+        """Indices (k,) of the selected parameters for scores (m,), largest first; equal scores keep their order."""
 
     def fit(self, X: ArrayLike, y: Any = None) -> ContributionSelector:
-        """Select by the mean contribution over the samples.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, m)
-            Contributions.
-        y : ignored
-        """
+        """Select by the mean of contributions X (n, m) over the samples."""
         contributions = validate_data(self, X, dtype=float)
         self.scores_ = np.asarray(contributions).mean(axis=0)
         self.selected_ = self.select(self.scores_)
@@ -94,15 +78,14 @@ class TopKSelector(ContributionSelector):
 
 
 class RelativeThresholdSelector(ContributionSelector):
-    """The parameters whose contribution is at least some part of the largest one.
+    """The parameters whose contribution is at least a given share of the largest one.
 
-    The largest is always selected. Where no contribution is positive, nothing stands out, and all that equal
-    the largest are selected.
+    The largest is always selected. Where no contribution is positive, all that equal the largest are selected.
 
     Parameters
     ----------
     threshold : float, default 0.1
-        That part, from 0 to 1.
+        The share, from 0 to 1.
 
     Raises
     ------

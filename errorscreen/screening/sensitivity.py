@@ -1,4 +1,4 @@
-"""The field's usual ranking: by local relative sensitivity at the current parameters."""
+"""The usual ranking: by local relative sensitivity at the nominal parameters."""
 
 from __future__ import annotations
 
@@ -14,18 +14,17 @@ from errorscreen.simulators.observations import as_observations
 
 
 class SensitivityScreener(BaseScreener):
-    """Rank parameters by how strongly they move the response, whatever the recording shows.
+    """Rank parameters by how strongly they move the response; the recorded values do not matter.
 
-    The baseline of the paper (its section 4): S of equation (13) at the nominal parameters. The recording
-    only says which event counts and where something was measured; with several, S is averaged. It costs
-    m + 1 simulations for each recording.
+    The baseline of the paper (its section 4): S of equation (13) at the nominal parameters. A recording only gives
+    the event and the measured instants; S is averaged over several. It costs m + 1 simulations for each recording.
 
     Parameters
     ----------
     simulator : Simulator
     relative : bool, default True
-        Sensitivity to a relative change of the parameter; otherwise to a change by one unit, which ranks
-        parameters by the units that they happen to be written in.
+        Sensitivity to a relative change of the parameter; otherwise to a change by one unit, so that the ranking
+        depends on the units.
     step : float, default 1e-3
         Step in multiples of the parameter's scale.
     weights : array-like of shape (R,), optional
@@ -51,21 +50,7 @@ class SensitivityScreener(BaseScreener):
         self.weights = weights
 
     def fit(self, X: Any, y: None = None) -> SensitivityScreener:
-        """Rank the parameters for the events of one recording or several.
-
-        Parameters
-        ----------
-        X : Observation, or anything ``simulator.observe`` takes, or a list of them
-        y : None
-            Not used, present for scikit-learn.
-
-        Raises
-        ------
-        InputError
-            If an argument or a recording cannot be used.
-        SimulationError
-            If a simulation at or next to the nominal parameters fails.
-        """
+        """Rank the parameters for the events of recordings; see `BaseScreener.fit`."""
         sensitivities = []
         for observation in as_observations(self.simulator, X):
             found = local_sensitivity(

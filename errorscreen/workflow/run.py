@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 import errorscreen
 from errorscreen._runtime.processes import in_subprocess
+from errorscreen._runtime.store import Store
 from errorscreen._runtime.typed import from_json, to_json
 from errorscreen.calibration.result import Calibration
 from errorscreen.data.observations import Observation
@@ -40,7 +41,6 @@ from errorscreen.workflow.calibrate import calibrate_map, calibrate_pso
 from errorscreen.workflow.outcome import Outcome
 from errorscreen.workflow.screen import screen
 from errorscreen.workflow.search_step import search_simulator
-from errorscreen.workflow.stages import StageStore
 from errorscreen.workflow.study import Study
 
 #: libraries whose versions decide the result
@@ -73,7 +73,7 @@ def run_study(study: Study, out: str | Path, *, progress: bool = False) -> Outco
         If the network is asked for and torch is not installed.
     """
     start, started = perf_counter(), datetime.now(UTC).isoformat(timespec="seconds")
-    store = StageStore(Path(out) / "stages")
+    store = Store(Path(out) / "stages")
     nominal = tuple(_nominal(study.simulator, o) for o in study.observations)
     with _selecting(study, store, progress) as (check, select):
         with _checked(check):
@@ -139,7 +139,7 @@ class _Selected(NamedTuple):
 
 @contextmanager
 def _selecting(
-    study: Study, store: StageStore, progress: bool
+    study: Study, store: Store, progress: bool
 ) -> Iterator[tuple[Callable[[], None], Callable[[], _Selected]]]:
     """Screen and calibrate selections, in a process of its own where a network is to be trained.
 
@@ -148,16 +148,16 @@ def _selecting(
     """
 
     def here() -> _Selected:
-        return _selected(study, StageStore(store.root), progress)
+        return _selected(study, Store(store.folder), progress)
 
-    trained = store.has("screening-cnn", study.fingerprint("screening"))
+    trained = store.under(study.fingerprint("screening")).has("screening-cnn")
     if trained or "cnn" not in study.screening.methods:
         found = here()
         yield lambda: None, lambda: found
         return
     require_network()
     _log.info("screening by %s and calibration, beside the search", ", ".join(study.screening.methods))
-    with in_subprocess(_selected, study, StageStore(store.root), False) as call:
+    with in_subprocess(_selected, study, Store(store.folder), False) as call:
 
         def wait() -> _Selected:
             if not call.done:
@@ -195,7 +195,7 @@ class _Checking(logging.Handler):
         self._check()
 
 
-def _selected(study: Study, store: StageStore, progress: bool) -> _Selected:
+def _selected(study: Study, store: Store, progress: bool) -> _Selected:
     """The published method: rank the parameters, and calibrate each selection."""
     screened = [_screened(method, study, store, progress) for method in study.screening.methods]
     calibrated, settings = [], (study.calibration, study.run, progress)
@@ -206,9 +206,8 @@ def _selected(study: Study, store: StageStore, progress: bool) -> _Selected:
             )
             calibrated.append(
                 _kept(
-                    store,
+                    store.under(study.fingerprint("calibration", one.selected)),
                     f"calibration-{method}-{one.method}",
-                    study.fingerprint("calibration", one.selected),
                     Calibration,
                     partial(
                         calibrate_pso, study.simulator, study.observation, one.selected, one.method, *settings
@@ -218,21 +217,20 @@ def _selected(study: Study, store: StageStore, progress: bool) -> _Selected:
     return _Selected(screened, calibrated, store.reused)
 
 
-def _screened(method: str, study: Study, store: StageStore, progress: bool) -> Screening:
+def _screened(method: str, study: Study, store: Store, progress: bool) -> Screening:
     """Rank the parameters by one method, or take over an earlier ranking."""
     _log.info("screening: %s", method)
-    key = study.fingerprint("screening")
-    settings = (study.screening, study.run, store.folder(key), progress)
+    stages = store.under(study.fingerprint("screening"))
+    settings = (study.screening, study.run, stages.folder, progress)
     return _kept(
-        store,
+        stages,
         f"screening-{method}",
-        key,
         Screening,
         lambda: screen(method, study.simulator, study.observation, *settings),
     )
 
 
-def _first_look(study: Study, store: StageStore) -> tuple[Contribution, ...]:
+def _first_look(study: Study, store: Store) -> tuple[Contribution, ...]:
     """Contributions that a network reads off the error, the largest first."""
     section = study.discovery
     if not (section.first_look and section.enabled):
@@ -253,15 +251,17 @@ def _first_look(study: Study, store: StageStore) -> tuple[Contribution, ...]:
             .ranked_
         )
 
-    return _kept(store, "first-look", study.fingerprint("diagnosis"), tuple[Contribution, ...], look)
+    return _kept(
+        store.under(study.fingerprint("diagnosis")), "first-look", tuple[Contribution, ...], look
+    )
 
 
-def _diagnosed(study: Study, store: StageStore) -> Diagnosis:
+def _diagnosed(study: Study, store: Store) -> Diagnosis:
     """Find the cause, or take over an earlier diagnosis; the search itself goes on where it stopped."""
     _log.info("diagnosis: fit of all parameters, and what they cannot explain")
     section, base = study.discovery, study.calibration
     # other held-out recordings leave the search valid
-    search = store.folder(study.fingerprint("diagnosis", study.together)) / "search"
+    search = store.under(study.fingerprint("diagnosis", study.together)).folder / "search"
     simulator = study.simulator
     if section.enabled:  # a search refines the step where it matters, a fit alone does not
         simulator = search_simulator(simulator, section, study.observations)
@@ -287,8 +287,8 @@ def _diagnosed(study: Study, store: StageStore) -> Diagnosis:
         arrays = {f"{label}-{n}": y for label, every in found.responses.items() for n, y in enumerate(every)}
         return arrays, json.loads(to_json(found))
 
-    key = study.fingerprint("diagnosis", study.together, study.held_out)
-    arrays, values = store.get("diagnosis", key, compute)
+    stages = store.under(study.fingerprint("diagnosis", study.together, study.held_out))
+    arrays, values = stages.get("diagnosis", compute)
     found = from_json(Diagnosis, json.dumps(values))
     responses = {
         model.label: tuple(arrays[f"{model.label}-{n}"] for n in range(len(study.observations)))
@@ -297,9 +297,9 @@ def _diagnosed(study: Study, store: StageStore) -> Diagnosis:
     return replace(found, observations=study.observations, responses=responses)
 
 
-def _kept(store: StageStore, name: str, key: str, kind: type[_T], compute: Callable[[], _T]) -> _T:
+def _kept(store: Store, name: str, kind: type[_T], compute: Callable[[], _T]) -> _T:
     """A result object from the store, computed if it is not there."""
-    _, values = store.get(name, key, lambda: ({}, json.loads(to_json(compute()))))
+    _, values = store.get(name, lambda: ({}, json.loads(to_json(compute()))))
     return from_json(kind, json.dumps(values))
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-from errorscreen._runtime.checkpoint import digest, program
+from errorscreen._runtime.store import digest, program
 from errorscreen.cases import Case
 from errorscreen.cases.case_models import CalibrationSection, DiscoverySection, RunSection, ScreeningSection
 from errorscreen.data.observations import Observation

@@ -216,7 +216,7 @@ class TestCheckpoint:
             return response(p, event)
 
         simulator.response = stop
-        with pytest.raises(KeyboardInterrupt, match=r"2 of 8 batches are stored in .*goes on from there"):
+        with pytest.raises(KeyboardInterrupt, match=r"2 of 8 batches are stored in .*resumes from there"):
             generate_dataset(simulator, **self.OPTIONS, checkpoint=folder)
 
     def test_an_interrupted_run_goes_on(self, tmp_path):

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from errorscreen._runtime.checkpoint import Checkpoint
+from errorscreen._runtime.store import Store
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery.fits.hypotheses import Hypothesis, name_of, reached
 from errorscreen.discovery.starts.signatures import SignatureSearch, raced
@@ -27,24 +27,20 @@ class Journal:
 
     Parameters
     ----------
-    checkpoint : Checkpoint, optional
+    store : Store, optional
         Nothing is kept where it is not given.
     """
 
-    def __init__(self, checkpoint: Checkpoint | None = None) -> None:
-        self._checkpoint = checkpoint
+    def __init__(self, store: Store | None = None) -> None:
+        self._store = store
         self._number = 0
 
     def part(self, compute: Callable[[], Part]) -> Part:
         """What the next part of the search finds, or has found before."""
         number, self._number = self._number, self._number + 1
-        if self._checkpoint is None:
+        if self._store is None:
             return compute()
-        stored = self._checkpoint.load([number])
-        if number not in stored:
-            stored[number] = compute()
-            self._checkpoint.save(number, stored[number])
-        return stored[number]
+        return self._store.get(f"part-{number:06d}", lambda: (compute(), {}))[0]
 
     def fitted(
         self, effects: Sequence[Effect], problem: FitProblem, fit: Callable[[], Hypothesis | None]
