@@ -19,7 +19,8 @@ from errorscreen.calibration import MAPCalibrator
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.data.observations import Observation
 from errorscreen.discovery import conclusions
-from errorscreen.discovery.fits.hypotheses import PRIOR, Hypothesis, candidates, parameters_only
+from errorscreen.discovery.fits.candidates import candidates
+from errorscreen.discovery.fits.hypotheses import PRIOR, Hypothesis, parameters_only
 from errorscreen.discovery.judge.gain import Gain, measure_gain
 from errorscreen.discovery.judge.profiles import with_profiles
 from errorscreen.discovery.judge.ranking import rank_causes
@@ -186,7 +187,6 @@ class CauseFinder(BaseEstimator):
             n_draws=self.n_draws,
             significance=self.significance,
             seed=self._seed,
-            tell=self._tell,
             journal=self._kept,
         )
         self._count += problem.n_simulations
@@ -196,7 +196,7 @@ class CauseFinder(BaseEstimator):
             self.tried_ = tuple(effect.name for effect in library)
             found.run(library)
         elif not self._nothing_to_explain:
-            found.rest()
+            found.improve_base()
         self._base = base = found.base
         if base is not first:  # a better minimum, or a smaller step
             self._calibrator = self._calibrate(base.observations, base)
