@@ -10,7 +10,7 @@ import numpy as np
 
 from errorscreen._runtime.persistence import write_json_atomic, write_text_atomic
 from errorscreen.bench.discovery_rates import rate_of
-from errorscreen.plotting.charts import COLOURS, figure_of
+from errorscreen.data.panels import COLOURS, figure_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

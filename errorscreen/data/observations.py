@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from errorscreen.data.panels import Curves, plot_curves, with_unit
 from errorscreen.events import Event
+from errorscreen.exceptions import InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -147,6 +155,36 @@ class Observation:
     @cached_property
     def _first(self) -> dict[int, Observation]:
         return {}
+
+    def to_frame(self) -> pd.DataFrame:
+        """Table of the measured channels, indexed by time in seconds."""
+        import pandas as pd
+
+        return pd.DataFrame(self.values.T, pd.Index(self.time, name="time"), list(self.channels))
+
+    def plot(
+        self, responses: Mapping[str, ArrayLike] | None = None, *, window: tuple[float, float] | None = None
+    ) -> Figure:
+        """Draw the measured channels and simulations of them, see `errorscreen.plotting.plot_responses`."""
+        measured = np.asarray(self.mask.any(axis=1))
+        return plot_curves(self.labels(measured), [self.curves(responses or {}, measured)], window)
+
+    def labels(self, rows: NDArray[np.bool_]) -> list[str]:
+        """Return the axis labels of some channels, which a mask (R,) selects."""
+        return [with_unit(self.channels[r], self.units[r]) for r in np.flatnonzero(rows)]
+
+    def curves(self, responses: Mapping[str, ArrayLike], rows: NDArray[np.bool_]) -> Curves:
+        """Return what a figure shows of some channels, which a mask (R,) selects, and of responses (R, L)."""
+        if not rows.any():
+            raise InputError("no channel was measured", where=self.event.name, allowed="at least one value")
+        simulated = {label: np.asarray(values, dtype=float) for label, values in responses.items()}
+        for label, values in simulated.items():
+            if values.shape != self.values.shape:
+                raise InputError(
+                    f"response {label!r} has shape {values.shape}", allowed=f"{self.values.shape}"
+                )
+        simulated = {label: values[rows] for label, values in simulated.items()}
+        return Curves(self.time, self.values[rows], self.event.start, simulated, self.event.name)
 
     @property
     def time(self) -> NDArray[np.float64]:

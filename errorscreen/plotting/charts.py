@@ -1,4 +1,4 @@
-"""Figures of recordings, errors, rankings and calibrations; every function returns a matplotlib `Figure`.
+"""Figures of responses, rankings and calibrated parameters.
 
 No function touches the state of pyplot, so figures can be made anywhere: in threads, on servers, in reports.
 """
@@ -6,27 +6,28 @@ No function touches the state of pyplot, so figures can be made anywhere: in thr
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from errorscreen.data.observations import Observation
+from errorscreen.data.panels import (
+    COLOURS,
+    PALE,
+    figure_of,
+    mark_event,
+    plot_curves,
+    tidy,
+    top_legend,
+    with_unit,
+)
 from errorscreen.exceptions import InputError
+from errorscreen.simulators.base import Simulator
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.collections import QuadMesh
     from matplotlib.figure import Figure
-
-#: Part of an error image: channel, start and stop in seconds, band in hertz.
-Outlined = tuple[str, tuple[float, float], tuple[float, float]]
-#: Colours that stay apart for colour-blind readers (Okabe and Ito); measured values are a wide grey line.
-COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00")
-MEASURED, PALE, GRID = "#8d99a3", "#c3cdd5", "#dddddd"
-OUTLINE = "#ff4040"
-#: Decibels below the largest energy that an error image shows.
-DYNAMIC_RANGE = 40.0
 
 
 def plot_responses(
@@ -62,57 +63,18 @@ def plot_responses(
     >>> [axes.get_ylabel() for axes in figure.axes]
     ['P in pu']
     """
-    rows = np.flatnonzero(observation.mask.any(axis=1))
-    if not len(rows):
-        raise InputError("no channel was measured", where="plot_responses", allowed="at least one value")
-    figure = figure_of(9.5, 0.7 + 2.2 * len(rows))
-    panels = figure.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0]
-    for axes, r in zip(panels, rows, strict=True):
-        axes.plot(observation.time, observation.values[r], color=MEASURED, lw=3.2, label="measured")
-        for k, (label, values) in enumerate(responses.items()):
-            values = _shaped(values, observation.values.shape, f"response {label!r}")
-            style = {"color": COLOURS[k % len(COLOURS)], "lw": 1.2, "ls": "--" if k == 0 else "-"}
-            axes.plot(observation.time, values[r], label=label, **style)
-        mark_event(axes, observation.event.start)
-        axes.set_ylabel(with_unit(observation.channels[r], observation.units[r]))
-        tidy(axes)
-    panels[-1].set_xlabel("time in s")
-    panels[-1].set_xlim(*(window or (observation.time[0], observation.time[-1])))
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=4, frameon=False)
-    return figure
+    return observation.plot(responses, window=window)
 
 
-def plot_error_images(
-    energies: Mapping[str, ArrayLike],
-    frequencies: ArrayLike,
-    times: ArrayLike,
-    channels: Sequence[str],
-    *,
-    event_time: float | None = None,
-    cone: ArrayLike | None = None,
-    outlined: Mapping[str, Sequence[Outlined]] | None = None,
-) -> Figure:
-    """Wavelet energy of response errors over time and frequency, one row for each channel.
-
-    Colours give decibels below the largest energy of the channel in all images of its row, so that images beside
-    each other can be compared.
+def plot_comparison(observations: Sequence[Observation], simulators: Mapping[str, Simulator]) -> Figure:
+    """Measured against simulated channels, one column of panels for each recording.
 
     Parameters
     ----------
-    energies : mapping of str to array-like of shape (R, H, W)
-        Energies |W|² (not their logarithm) by label, for example before and after calibration.
-    frequencies : array-like of shape (H,)
-        Hertz, increasing, logarithmically spaced.
-    times : array-like of shape (W,)
-        Seconds, increasing.
-    channels : sequence of R str
-    event_time : float, optional
-        Seconds; marked by a line.
-    cone : array-like of shape (H,), optional
-        Seconds from either end of the record within which a row is marked by that end; veiled.
-    outlined : mapping of str to sequence of (str, (float, float), (float, float)), optional
-        Where the error of an image is more than noise: channel, start and stop in seconds, band in hertz; drawn as far
-        as it lies in the image.
+    observations : sequence of Observation
+    simulators : mapping of str to Simulator
+        Simulators by label, each at its nominal parameters, for example ``{"before": ..., "after": ...}``. They
+        simulate the events of the recordings.
 
     Returns
     -------
@@ -121,38 +83,63 @@ def plot_error_images(
     Raises
     ------
     InputError
-        If shapes do not fit, or something is outlined in an image or channel that there is not.
+        If nothing was measured, or a simulator has other channels than the recordings.
+    SimulationError
+        If a simulation fails.
 
     Examples
     --------
-    >>> figure = plot_error_images({"before": np.ones((1, 3, 5))}, [1, 2, 4], np.arange(5.0), ["P"])
-    >>> figure.axes[0].get_yscale()
-    'log'
+    >>> from errorscreen.cases.demo import demo_recordings
+    >>> from errorscreen.simulators import PlantSimulator
+    >>> plant = PlantSimulator("synchronous_machine", demo_recordings(0)[0])
+    >>> figure = plot_comparison([plant.observe(demo_recordings(0)[0])], {"before": plant})
+    >>> [axes.get_ylabel() for axes in figure.axes]
+    ['P in pu', 'Q in pu']
     """
-    f, t = np.asarray(frequencies, dtype=float), np.asarray(times, dtype=float)
-    shape = (len(channels), len(f), len(t))
-    images = {label: _shaped(e, shape, f"energy {label!r}") for label, e in energies.items()}
-    outlines = _by_panel(outlined or {}, images, channels)
-    figure = figure_of(1.3 + 4.1 * len(images), 0.7 + 2.4 * len(channels))
-    grid = figure.subplots(len(channels), len(images), sharex=True, sharey=True, squeeze=False)
-    for r, channel in enumerate(channels):
-        largest = max(float(np.nanmax(image[r])) for image in images.values()) or 1.0
-        for axes, (label, image) in zip(grid[r], images.items(), strict=True):
-            mesh = _draw_energy(axes, t, f, image[r] / largest)
-            if cone is not None:
-                _shade_cone(axes, t, f, np.asarray(cone, dtype=float))
-            if event_time is not None:
-                axes.axvline(event_time, color="white", lw=1.2, ls="--")
-            _outline(axes, outlines.get((label, channel), []))
-            axes.set_title(f"{channel}, {label}", fontsize=10)
-            axes.tick_params(labelsize=9)
-        grid[r][0].set_ylabel("frequency in Hz")
-        figure.colorbar(mesh, ax=list(grid[r]), label="energy in dB", pad=0.02)
-    for axes in grid[-1]:
-        axes.set_xlabel("time in s")
-    drawn = [patch for axes in grid.flat for patch in axes.patches]
-    if drawn:
-        figure.legend(drawn[:1], ["more than noise"], loc="outside upper center", frameon=False, fontsize=9)
+    measured = np.any([observation.mask.any(axis=1) for observation in observations], axis=0)
+    columns = [
+        o.curves({label: s.baseline(o.event) for label, s in simulators.items()}, measured)
+        for o in observations
+    ]
+    return plot_curves(observations[0].labels(measured), columns)
+
+
+def plot_bars(values: Mapping[str, float], label: str, *, selected: Collection[str] | None = None) -> Figure:
+    """One bar for each name, from the largest value to the smallest.
+
+    Parameters
+    ----------
+    values : mapping of str to float
+        For example contributions of parameters or probabilities of causes.
+    label : str
+        Label of the axis of the values.
+    selected : collection of str, optional
+        Names whose bars are dark; all where not given.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    InputError
+        If there is no value.
+
+    Examples
+    --------
+    >>> figure = plot_bars({"D": 1.0, "Xd": 2.0}, "contribution")
+    >>> [text.get_text() for text in figure.axes[0].get_yticklabels()]
+    ['Xd', 'D']
+    """
+    if not values:
+        raise InputError("there is no value", where="plot_bars", allowed="at least one")
+    names = sorted(values, key=lambda name: -values[name])
+    figure = figure_of(6.0, 1.0 + 0.26 * len(names))
+    axes = figure.subplots()
+    _draw_bars(axes, names, [values[name] for name in names], selected, COLOURS[1])
+    axes.set_yticks(range(len(names)), names)
+    axes.invert_yaxis()
+    axes.set_xlabel(label)
     return figure
 
 
@@ -203,16 +190,11 @@ def plot_rankings(
     panels = figure.subplots(1, len(contributions), sharey=True, squeeze=False)[0]
     for k, (axes, (label, values)) in enumerate(zip(panels, contributions.items(), strict=True)):
         largest = max(abs(v) for v in values.values()) or 1.0
-        chosen = names if selected is None else selected.get(label, names)
+        chosen = None if selected is None else selected.get(label)
         colour = COLOURS[(k + 1) % len(COLOURS)]
-        axes.barh(
-            range(len(names)),
-            [values[name] / largest for name in names],
-            color=[colour if name in chosen else PALE for name in names],
-        )
+        _draw_bars(axes, names, [values[name] / largest for name in names], chosen, colour)
         axes.set_title(label, fontsize=10)
         axes.set_xlim(0, 1.02)
-        tidy(axes)
     panels[0].set_yticks(range(len(names)), names)
     panels[0].invert_yaxis()
     figure.supxlabel("contribution relative to the largest", fontsize=10)
@@ -258,13 +240,13 @@ def plot_intervals(
     'deviation from nominal in %'
     """
     k = len(names)
-    centre = _shaped(nominal, (k,), "nominal")
-    size = np.abs(centre) if scales is None else _shaped(scales, (k,), "scales")
+    centre = shaped(nominal, (k,), "nominal")
+    size = np.abs(centre) if scales is None else shaped(scales, (k,), "scales")
     if not np.all(size > 0):
         raise InputError("a scale is not positive", where="plot_intervals", remedy="Give scales")
     known = np.ones(k, dtype=bool) if identifiable is None else np.asarray(identifiable, dtype=bool)
     limit, span, value = (
-        100 * (_shaped(a, s, w) - centre[:, None] if len(s) == 2 else _shaped(a, s, w) - centre)
+        100 * (shaped(a, s, w) - centre[:, None] if len(s) == 2 else shaped(a, s, w) - centre)
         for a, s, w in (
             (bounds, (k, 2), "bounds"),
             (intervals, (k, 2), "intervals"),
@@ -287,7 +269,7 @@ def plot_intervals(
     axes.invert_yaxis()
     axes.set_xlabel("deviation from nominal in %")
     tidy(axes)
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=4, frameon=False)
+    top_legend(figure, axes)
     return figure
 
 
@@ -325,98 +307,17 @@ def plot_waveform(
     return figure
 
 
-def figure_of(width: float, height: float) -> Figure:
-    """Empty figure of a size in inches, without pyplot."""
-    from matplotlib.figure import Figure
-
-    return Figure(figsize=(width, height), layout="constrained")
-
-
-def _shaped(values: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.float64]:
+def shaped(values: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.float64]:
+    """Return an array of the wanted shape, or raise `InputError`."""
     array = np.asarray(values, dtype=float)
     if array.shape != shape:
         raise InputError(f"{what} has shape {array.shape}", allowed=f"{shape}")
     return array
 
 
-def with_unit(name: str, unit: str) -> str:
-    """Label of an axis."""
-    return f"{name} in {unit}" if unit else name
-
-
-def mark_event(axes: Axes, start: float) -> None:
-    """Dotted line at the instant of an event."""
-    axes.axvline(start, color="#999999", lw=1.0, ls=":")
-
-
-def _draw_energy(
-    axes: Axes, times: NDArray[Any], frequencies: NDArray[Any], energy: NDArray[Any]
-) -> QuadMesh:
-    """One image of energies (H, W) relative to the largest."""
-    level = 10 * np.log10(np.maximum(energy, 10 ** (-DYNAMIC_RANGE / 10)))
-    mesh = axes.pcolormesh(
-        times,
-        frequencies,
-        level,
-        cmap="viridis",
-        vmin=-DYNAMIC_RANGE,
-        vmax=0,
-        shading="nearest",
-        rasterized=True,
-    )
-    axes.set_yscale("log")
-    axes.set_ylim(frequencies[0], frequencies[-1])
-    return mesh
-
-
-def _by_panel(
-    outlined: Mapping[str, Sequence[Outlined]], labels: Collection[str], channels: Sequence[str]
-) -> dict[tuple[str, str], list[Outlined]]:
-    """What is outlined in each image, by its label and channel."""
-    panels: dict[tuple[str, str], list[Outlined]] = {}
-    for label, cells in outlined.items():
-        for cell in cells:
-            if label not in labels or cell[0] not in channels:
-                raise InputError(
-                    f"there is no image {label!r} of a channel {cell[0]!r}",
-                    where="plot_error_images, outlined",
-                    allowed=f"images {', '.join(labels)}; channels {', '.join(channels)}",
-                )
-            panels.setdefault((label, cell[0]), []).append(cell)
-    return panels
-
-
-def _outline(axes: Axes, cells: Sequence[Outlined]) -> None:
-    """Edges of cells as far as they lie in the axes, each apart from those beside it."""
-    from matplotlib.patches import Rectangle
-
-    (first, last), (lowest, highest) = axes.get_xlim(), axes.get_ylim()
-    for _, (start, stop), (low, high) in cells:
-        start, stop, low, high = max(start, first), min(stop, last), max(low, lowest), min(high, highest)
-        if start < stop and low < high:
-            left, right = _inset(start, stop, 0.004 * (last - first))
-            span = _inset(np.log(low), np.log(high), 0.008 * np.log(highest / lowest))
-            bottom, top = np.exp(span)
-            sides = (right - left, top - bottom)
-            axes.add_patch(Rectangle((left, bottom), *sides, fill=False, edgecolor=OUTLINE, lw=1.2))
-
-
-def _inset(low: float, high: float, gap: float) -> tuple[float, float]:
-    """Range without a gap at both ends, which leaves most of a short one."""
-    gap = min(gap, 0.2 * (high - low))
-    return low + gap, high - gap
-
-
-def _shade_cone(axes: Axes, times: NDArray[Any], frequencies: NDArray[Any], cone: NDArray[Any]) -> None:
-    """Pale veil over what the ends of the record mark."""
-    reach = np.minimum(cone, 0.5 * (times[-1] - times[0]))
-    for end, inner in ((times[0], times[0] + reach), (times[-1], times[-1] - reach)):
-        axes.fill_betweenx(frequencies, end, inner, facecolor="white", alpha=0.35, edgecolor="none")
-
-
-def tidy(axes: Axes) -> None:
-    """Pale grid, no frame."""
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(color=GRID, lw=0.6)
-    axes.set_axisbelow(True)
-    axes.tick_params(labelsize=9)
+def _draw_bars(
+    axes: Axes, names: Sequence[str], values: Sequence[float], selected: Collection[str] | None, colour: str
+) -> None:
+    shown = names if selected is None else selected
+    axes.barh(range(len(names)), values, color=[colour if name in shown else PALE for name in names])
+    tidy(axes)

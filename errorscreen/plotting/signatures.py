@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from errorscreen.data.panels import COLOURS, figure_of, mark_event, tidy, top_legend, with_unit
 from errorscreen.effects.base import Effect
 from errorscreen.events import Event
 from errorscreen.exceptions import check_real
-from errorscreen.plotting.charts import COLOURS, figure_of, mark_event, tidy, with_unit
 from errorscreen.simulators.base import Simulator
 
 if TYPE_CHECKING:
@@ -84,7 +84,5 @@ def plot_signature(
         column[-1].set_xlabel("time in s")
     for axes, name, unit in zip(panels[:, 0], simulator.channels, simulator.units, strict=True):
         axes.set_ylabel(with_unit(f"change of {name}", unit))
-    figure.legend(
-        *panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4, frameon=False
-    )
+    top_legend(figure, panels[0, 0])
     return figure

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from errorscreen.data.panels import COLOURS
 from errorscreen.events import GridEvent
 from errorscreen.exceptions import InputError
-from errorscreen.plotting.charts import COLOURS
 from errorscreen.plotting.layout import bus_positions
 from errorscreen.plotting.single_line import STUB, Bar, Clutter, Point, around, bars
 from errorscreen.power.elements import Branch

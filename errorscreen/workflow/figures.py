@@ -20,7 +20,7 @@ from errorscreen.plotting import (
     plot_responses,
     plot_waveform,
 )
-from errorscreen.plotting.charts import Outlined
+from errorscreen.plotting.error_images import Outlined
 from errorscreen.report import ReportFigure
 from errorscreen.report.parts import Role
 from errorscreen.workflow.study import Calibrated, Discovered, Outcome

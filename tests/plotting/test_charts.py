@@ -6,10 +6,12 @@ import pytest
 from matplotlib.figure import Figure
 
 from errorscreen import plotting
+from errorscreen.cases.demo import demo_recordings
 from errorscreen.data.observations import Observation
 from errorscreen.events import Event
 from errorscreen.exceptions import InputError
-from errorscreen.plotting.charts import DYNAMIC_RANGE
+from errorscreen.plotting.error_images import DYNAMIC_RANGE
+from errorscreen.simulators import PlantSimulator
 
 TIME = np.linspace(0, 4, 81)
 NAMES = ["Xd", "Tj", "D"]
@@ -45,6 +47,30 @@ def test_responses_show_measured_simulated_and_event():
     assert figure.axes[-1].get_xlabel() == "time in s"
     cut = plotting.plot_responses(seen, {}, window=(0.5, 2.0))
     assert cut.axes[0].get_xlim() == (0.5, 2.0)
+
+
+def test_fits_of_several_recordings_stand_side_by_side():
+    fitted, held_out, _ = demo_recordings(0)
+    plant = PlantSimulator("synchronous_machine", fitted)
+    recordings = [plant.observe(recording) for recording in (fitted, held_out[0])]
+    wrong = plant.with_nominal(1.1 * plant.parameters.nominal)
+    figure = drawn(plotting.plot_comparison(recordings, {"before": wrong, "after": plant}))
+    assert [axes.get_ylabel() for axes in figure.axes] == ["P in pu", "", "Q in pu", ""]
+    assert [axes.get_title() for axes in figure.axes[:2]] == [o.event.name for o in recordings]
+    for r, n in np.ndindex(2, 2):
+        curves = lines(figure.axes[2 * r + n])
+        np.testing.assert_array_equal(curves["measured"].get_ydata(), recordings[n].values[r])
+        np.testing.assert_array_equal(curves["before"].get_ydata(), wrong.baseline(recordings[n].event)[r])
+
+
+def test_bars_fall_and_those_not_selected_are_pale():
+    axes = drawn(plotting.plot_bars({"D": 1.0, "Xd": 4.0, "Tj": 2.0}, "contribution", selected=["Xd"])).axes[
+        0
+    ]
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["Xd", "Tj", "D"]
+    assert [bar.get_width() for bar in axes.patches] == [4.0, 2.0, 1.0]
+    colours = [bar.get_facecolor() for bar in axes.patches]
+    assert colours[0] != colours[1] == colours[2]
 
 
 def test_error_images_share_the_scale_of_a_channel():
@@ -146,6 +172,7 @@ def test_intervals_are_relative_to_nominal():
             "there is no image 'a' of a channel 'U'",
         ),
         (lambda: plotting.plot_rankings({}), "there is no screener"),
+        (lambda: plotting.plot_bars({}, "contribution"), "there is no value"),
         (
             lambda: plotting.plot_rankings({"a": {"x": 1.0}, "b": {"y": 1.0}}),
             "screener 'b' ranks other parameters",

@@ -1,0 +1,91 @@
+"""Short texts of objects for the prompt, and tables of the same facts for notebooks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from html import escape
+from typing import Any
+
+#: Characters of a repr at most.
+LONGEST = 199
+
+
+def shortened(text: str, limit: int = LONGEST) -> str:
+    """Cut a text that is too long.
+
+    Examples
+    --------
+    >>> shortened("abcdefgh", 6)
+    'abc...'
+    """
+    return text if len(text) <= limit else text[: limit - 3] + "..."
+
+
+def listed(names: Iterable[str], limit: int = 8) -> str:
+    """Join the first names of many.
+
+    Examples
+    --------
+    >>> listed(["a", "b", "c"], 2)
+    'a, b and 1 more'
+    """
+    names = list(names)
+    more = f" and {len(names) - limit} more" if len(names) > limit else ""
+    return ", ".join(names[:limit]) + more
+
+
+def span(time: Any) -> str:
+    """Describe a time axis (L,) in seconds.
+
+    Examples
+    --------
+    >>> span([0.0, 0.5, 1.0])
+    '3 samples from 0 to 1 s'
+    """
+    return f"{len(time)} samples from {time[0]:g} to {time[-1]:g} s"
+
+
+def text_table(facts: Mapping[str, Any]) -> str:
+    """Write one line for each fact, with the values below each other."""
+    width = max(map(len, facts), default=0)
+    return "\n".join(f"{name:<{width}}  {value}" for name, value in facts.items())
+
+
+def html_table(title: str, facts: Mapping[str, Any]) -> str:
+    """Write facts as an HTML table.
+
+    Examples
+    --------
+    >>> html_table("Event", {"start": "1 < 2 s"})
+    '<table><caption>Event</caption><tr><th>start</th><td>1 &lt; 2 s</td></tr></table>'
+    """
+    rows = "".join(
+        f"<tr><th>{escape(name)}</th><td>{escape(str(value))}</td></tr>" for name, value in facts.items()
+    )
+    return f"<table><caption>{escape(title)}</caption>{rows}</table>"
+
+
+class Displayed:
+    """Mixin for a short repr and a notebook table, both from `_facts`.
+
+    A dataclass needs ``repr=False``, because its own repr would replace this one.
+
+    Examples
+    --------
+    >>> class Pump(Displayed):
+    ...     def _facts(self):
+    ...         return {"bus": 4, "power": "2 MW"}
+    >>> Pump()
+    Pump(bus: 4, power: 2 MW)
+    """
+
+    def _facts(self) -> dict[str, Any]:
+        """Name and value of each fact worth a glance."""
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        facts = ", ".join(f"{name}: {value}" for name, value in self._facts().items())
+        return shortened(f"{type(self).__name__}({facts}", LONGEST - 1) + ")"
+
+    def _repr_html_(self) -> str:
+        return html_table(type(self).__name__, self._facts())
