@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from errorscreen._runtime.display import Displayed, listed, span
 from errorscreen.exceptions import InputError, check_real
 
 
 @dataclass(frozen=True)
-class Event:
+class Event(Displayed):
     """A disturbance, on the time grid on which it is observed.
 
     Parameters
@@ -44,6 +45,20 @@ class Event:
                 remedy="Resample the recording first (Recording.resample)",
             )
         object.__setattr__(self, "time", time)
+
+    def _facts(self) -> dict[str, Any]:
+        facts = {"name": self.name, "time": span(self.time), "start": f"{self.start:g} s"}
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if item.name in facts:
+                continue
+            if isinstance(value, Mapping):
+                facts |= {item.name: listed(value)} if value else {}
+            elif isinstance(value, np.ndarray):
+                facts[item.name] = f"array of shape {value.shape}"
+            elif value != item.default:
+                facts[item.name] = value
+        return facts
 
     @property
     def dt(self) -> float:

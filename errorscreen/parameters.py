@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from errorscreen._runtime.display import LONGEST, shortened
 from errorscreen.exceptions import InputError, unknown_name
 
 if TYPE_CHECKING:
@@ -161,7 +162,10 @@ class ParameterSpace:
         return hash(self._parameters)
 
     def __repr__(self) -> str:
-        return f"ParameterSpace({', '.join(self.names)})"
+        return shortened(f"ParameterSpace({', '.join(self.names)}", LONGEST - 1) + ")"
+
+    def _repr_html_(self) -> str:
+        return str(self.to_frame().to_html())
 
     @property
     def names(self) -> tuple[str, ...]:

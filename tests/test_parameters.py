@@ -117,3 +117,10 @@ def test_distinct_rows_give_all_rows_back(n, m, seed):
     rows, which = distinct_rows(theta)
     assert np.array_equal(rows[which], theta)
     assert len(rows) == len(np.unique(theta, axis=0))
+
+
+def test_many_parameters_are_shown_in_short():
+    space = ParameterSpace(Parameter(f"parameter_{k}", 1, 0, 2) for k in range(100))
+    assert len(repr(space)) < 200
+    assert repr(space).startswith("ParameterSpace(parameter_0, parameter_1")
+    assert "parameter_99" in space._repr_html_()

@@ -45,10 +45,19 @@ def span(time: Any) -> str:
     return f"{len(time)} samples from {time[0]:g} to {time[-1]:g} s"
 
 
-def text_table(facts: Mapping[str, Any]) -> str:
-    """Write one line for each fact, with the values below each other."""
-    width = max(map(len, facts), default=0)
-    return "\n".join(f"{name:<{width}}  {value}" for name, value in facts.items())
+def aligned(rows: Iterable[Iterable[Any]]) -> str:
+    """Write rows with their cells below each other; numbers have four digits.
+
+    Examples
+    --------
+    >>> print(aligned([("channel", "noise"), ("P", 0.00123456)]))
+    channel  noise
+    P        0.001235
+    """
+    cells = [[f"{c:.4g}" if isinstance(c, float) else str(c) for c in row] for row in rows]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    lines = ("  ".join(f"{c:<{w}}" for c, w in zip(row, widths, strict=True)) for row in cells)
+    return "\n".join(line.rstrip() for line in lines)
 
 
 def html_table(title: str, facts: Mapping[str, Any]) -> str:
@@ -68,8 +77,6 @@ def html_table(title: str, facts: Mapping[str, Any]) -> str:
 class Displayed:
     """Mixin for a short repr and a notebook table, both from `_facts`.
 
-    A dataclass needs ``repr=False``, because its own repr would replace this one.
-
     Examples
     --------
     >>> class Pump(Displayed):
@@ -78,6 +85,10 @@ class Displayed:
     >>> Pump()
     Pump(bus: 4, power: 2 MW)
     """
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        cls.__repr__ = cls.__repr__  # type: ignore[method-assign]  # else a dataclass makes one of all fields
 
     def _facts(self) -> dict[str, Any]:
         """Name and value of each fact worth a glance."""

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from errorscreen.data.panels import Curves, plot_curves, with_unit
+from errorscreen._runtime.display import Displayed, aligned, listed, span
+from errorscreen.data.panels import Curves, channel_table, plot_curves, with_unit
 from errorscreen.events import Event
 from errorscreen.exceptions import InputError
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Observation:
+class Observation(Displayed):
     """A recording as one simulator sees it: its channels, on its time grid.
 
     Parameters
@@ -155,6 +156,24 @@ class Observation:
     @cached_property
     def _first(self) -> dict[int, Observation]:
         return {}
+
+    def _facts(self) -> dict[str, Any]:
+        return {
+            "event": f"{self.event.name} ({type(self.event).__name__})",
+            "channels": listed(self.channels),
+            "time": span(self.time),
+            "start": f"{self.event.start:g} s",
+            "readings": f"{self.mask.sum()} of {self.mask.size}",
+        }
+
+    def summary(self) -> str:
+        """Say what was observed and what was assumed about it."""
+        facts = self._facts()
+        title = f"Observation of {facts.pop('event')}"
+        facts.pop("channels")
+        table = channel_table(zip(self.channels, self.units, self.values, self.noise, strict=True))
+        notes = [f"- {sentence}" for sentence in self.assumptions]
+        return "\n".join([title, aligned(facts.items()), "", table, "", *notes])
 
     def to_frame(self) -> pd.DataFrame:
         """Table of the measured channels, indexed by time in seconds."""

@@ -1,13 +1,15 @@
-"""Panels of channels over time, and the style that all figures share; nothing touches the state of pyplot."""
+"""Panels and tables of channels, and the style that all figures share; nothing touches the state of pyplot."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from errorscreen._runtime.display import aligned
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,6 +48,16 @@ def tidy(axes: Axes) -> None:
 def top_legend(figure: Figure, axes: Axes) -> None:
     """Explain the curves of one panel above all panels."""
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=4, frameon=False)
+
+
+def channel_table(channels: Iterable[tuple[str, str, NDArray[np.float64], float]]) -> str:
+    """Write one line for each channel: name, unit, range of values (L,), noise and number of readings."""
+    rows: list[tuple[Any, ...]] = [("channel", "unit", "lowest", "highest", "noise", "readings")]
+    for name, unit, values, noise in channels:
+        known = values[np.isfinite(values)]
+        ends = (float(known.min()), float(known.max())) if len(known) else ("", "")
+        rows.append((name, unit, *ends, float(noise), len(known)))
+    return aligned(rows)
 
 
 @dataclass(frozen=True)

@@ -4,23 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from errorscreen._runtime.display import Displayed, aligned, listed, span
 from errorscreen.data import preparation, resampling, signals
+from errorscreen.data.panels import Curves, channel_table, plot_curves, with_unit
 from errorscreen.exceptions import InputError, unknown_name
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
 #: Units of the channels whose meaning is fixed by their name.
 ROLE_UNITS = {"V": "pu", "angle": "rad", "f": "Hz", "P": "pu", "Q": "pu"}
 
 
 @dataclass(frozen=True, eq=False)
-class Channel:
+class Channel(Displayed):
     """One measured channel.
 
     Parameters
@@ -43,9 +46,13 @@ class Channel:
     noise: float
     age: float = 0.0
 
+    def _facts(self) -> dict[str, Any]:
+        readings = f"{np.isfinite(self.values).sum()} of {len(self.values)}"
+        return {"name": self.name, "unit": self.unit, "readings": readings, "noise": f"{self.noise:.3g}"}
+
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class Recording(Displayed):
     """A recorded disturbance of one plant, built by `from_arrays`, `errorscreen.data.read_csv` or `from_frame`.
 
     Parameters
@@ -373,6 +380,62 @@ class Recording:
         return pd.DataFrame(
             {name: c.values for name, c in self.channels.items()}, index=pd.Index(self.time, name="time")
         )
+
+    def summary(self) -> str:
+        """Say what was recorded and what was assumed about it.
+
+        Examples
+        --------
+        >>> t = np.arange(0, 4, 0.02)
+        >>> rec = Recording.from_arrays(
+        ...     t, {"P": np.where(t < 1, 0.8, 0.6)}, base_mva=50, f_nominal=50, name="trip"
+        ... )
+        >>> print(rec.summary())
+        Recording trip
+        time   200 samples from 0 to 3.98 s
+        event  1 s
+        quiet  0 to 0.92 s
+        base   50 MVA, 50 Hz
+        <BLANKLINE>
+        channel  unit  lowest  highest  noise    readings
+        P        pu    0.6     0.8      0.05774  200
+        <BLANKLINE>
+        - The event was taken to begin at 1 s, where the first of P leaves its quiet band.
+        - P scatters less before the event than it can resolve, so its noise was set to its resolution, 0.058 pu.
+        """
+        facts = self._facts()
+        facts.pop("channels")
+        table = channel_table((c.name, c.unit, c.values, c.noise) for c in self.channels.values())
+        notes = [f"- {sentence}" for sentence in self.assumptions]
+        return "\n".join([f"Recording {facts.pop('name')}", aligned(facts.items()), "", table, "", *notes])
+
+    def plot(self, *, window: tuple[float, float] | None = None) -> Figure:
+        """Draw all channels, one panel each, with the event marked.
+
+        Parameters
+        ----------
+        window : (float, float), optional
+            First and last instant in seconds; all where not given.
+        """
+        labels = [with_unit(channel.name, channel.unit) for channel in self.channels.values()]
+        measured = np.array([channel.values for channel in self.channels.values()])
+        return plot_curves(labels, [Curves(self.time, measured, self.event_time)], window)
+
+    def _facts(self) -> dict[str, Any]:
+        bases = [
+            f"{self.base_mva:g} MVA",
+            f"{self.base_kv:g} kV" if self.base_kv else "",
+            f"{self.f_nominal:g} Hz",
+        ]
+        facts = {
+            "name": self.name,
+            "channels": listed(self.names),
+            "time": span(self.time),
+            "event": f"{self.event_time:g} s",
+            "quiet": f"{self.quiet[0]:g} to {self.quiet[1]:g} s",
+            "base": ", ".join(filter(None, bases)),
+        }
+        return facts | ({"given": listed(self.given)} if self.given else {})
 
 
 def _check_axes(time: NDArray[np.float64], values: Mapping[str, NDArray[np.float64]], where: str) -> None:

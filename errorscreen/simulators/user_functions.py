@@ -7,6 +7,7 @@ import inspect
 import math
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import is_dataclass
 from functools import lru_cache
 from types import CodeType
 from typing import Any
@@ -14,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from errorscreen._runtime.checkpoint import digest
 from errorscreen.exceptions import EngineWarning, InputError, unknown_name
 
 Function = Callable[..., Any]
@@ -48,16 +50,24 @@ def _parts(function: Any) -> Iterator[str]:
     function = getattr(function, "py_func", function)  # what numba has compiled was made from it
     code = getattr(function, "__code__", None)
     if code is None:  # an object that is called: what it is made of
-        yield f"{type(function).__qualname__} {sorted(vars(function).items()) if hasattr(function, '__dict__') else ''}"
+        yield type(function).__qualname__
+        held = vars(function) if hasattr(function, "__dict__") else {}
+        yield from (f"{name} {_described(value)}" for name, value in sorted(held.items()))
         return
     yield from _parts_of_code(code)
     closure = function.__closure__ or ()
-    yield from (repr(cell.cell_contents) for cell in closure if not callable(cell.cell_contents))
+    yield from (_described(cell.cell_contents) for cell in closure if not callable(cell.cell_contents))
     known = function.__globals__
     values = ((name, known[name]) for name in code.co_names if name in known)
     yield from (
         f"{name} = {value!r}" for name, value in values if isinstance(value, int | float | str | tuple)
     )
+
+
+def _described(value: Any) -> str:
+    """Text that differs where values do; the repr of an array or a recording leaves numbers out."""
+    whole = isinstance(value, np.ndarray) or is_dataclass(value)
+    return digest(value) if whole else repr(value)
 
 
 def _parts_of_code(code: CodeType) -> Iterator[str]:

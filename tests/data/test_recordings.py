@@ -277,3 +277,34 @@ def test_parts_are_cut_once_and_later_ones_are_others():
     noisy = replace(seen, noise=np.full(1, 2.0)).first(6)
     assert np.array_equal(noisy.noise, [2.0])
     assert not np.allclose(noisy.deviations(np.zeros((1, 6))), part.deviations(np.zeros((1, 6))))
+
+
+def test_recordings_and_observations_are_shown_in_short():
+    rec = replace(make(name="trip", base_kv=20.0), given={"Q": 0.1})
+    seen = Observation(
+        Event(TIME, "trip", 1.0), np.full((1, 300), np.nan), np.ones(1), ("P",), ("pu",), ("It was assumed.",)
+    )
+    for shown in (rec, rec.channel("P"), seen):
+        assert len(repr(shown)) < 200
+        assert shown._repr_html_().startswith("<table>")
+    assert repr(rec).startswith("Recording(name: trip, channels: V, P, time: 300 samples from 0 to 4.98")
+    assert repr(seen) == (
+        "Observation(event: trip (Event), channels: P, time: 300 samples from 0 to 4.98333 s, start: 1 s, "
+        "readings: 0 of 300)"
+    )
+    assert "base   100 MVA, 20 kV, 60 Hz\ngiven  Q\n" in rec.summary()
+    assert f"- {rec.assumptions[0]}" in rec.summary()
+    assert seen.summary().startswith("Observation of trip (Event)\ntime")
+    assert seen.summary().endswith("\n\n- It was assumed.")
+
+
+def test_recordings_and_observations_are_drawn_and_tabulated():
+    rec = make()
+    figure = rec.plot(window=(0.5, 2.0))
+    assert [axes.get_ylabel() for axes in figure.axes] == ["V in pu", "P in pu"]
+    assert figure.axes[0].get_xlim() == (0.5, 2.0)
+    seen = Observation(
+        Event(TIME, start=1.0), rec.to_frame().to_numpy().T, np.ones(2), ("V", "P"), ("pu", "pu")
+    )
+    assert seen.to_frame().equals(rec.to_frame())
+    assert len(seen.plot({"twice": 2 * seen.values}).axes[0].lines) == 3  # measured, simulated, start

@@ -108,3 +108,13 @@ def test_a_simulation_that_fails_leaves_those_beside_it_alone():
     assert np.array_equal(found.status == 0, well)
     assert np.array_equal(found.values[well], model(spring).simulate(theta[well]).values)
     assert np.isnan(found.values[~well]).all()
+
+
+def test_long_arrays_of_a_closure_are_told_apart():
+    def closure(values):
+        return lambda: values[0]
+
+    one, other = np.zeros(5000), np.zeros(5000)
+    other[2500] = 1.0
+    assert repr(one) == repr(other)
+    assert identity(closure(one)) != identity(closure(other)) == identity(closure(other.copy()))
