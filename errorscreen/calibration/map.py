@@ -268,11 +268,7 @@ class MAPCalibrator(BaseCalibrator):
         return facts
 
     def _iterate(
-        self,
-        problem: FitProblem,
-        search: BoundedSearch,
-        iterations: int,
-        history: list[tuple[float, ...]],
+        self, problem: FitProblem, search: BoundedSearch, iterations: int, history: list[tuple[float, ...]]
     ) -> None:
         """Iterate until all starts have ended, or as often as allowed."""
         for _ in tqdm(range(iterations), desc="least squares", disable=not self.progress):

@@ -31,12 +31,8 @@ class PSOCalibrator(BaseCalibrator):
     n_particles : int, default 30
     n_iterations : int, default 80
         Largest number of iterations.
-    inertia : float, default 0.7298
-        Inertia weight w.
-    cognitive, social : float, default 1.4962
-        Learning factors c₁ and c₂.
-    max_velocity : float, default 0.5
-        Largest step in one parameter, as a share of its range.
+    inertia, cognitive, social, max_velocity : float
+        See `ParticleSwarm`.
     weights : array-like of shape (R,), optional
         λ of the channels; 1/R each where not given.
     patience : int, optional

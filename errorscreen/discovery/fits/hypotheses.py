@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from errorscreen._runtime.display import Displayed
 from errorscreen.calibration.attenuation import bias_corrected, noise_slope
 from errorscreen.calibration.intervals import posterior_covariance
 from errorscreen.calibration.problem import FitProblem
@@ -48,8 +49,8 @@ _LEAST_LEVEL = 0.1
 _Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, repr=False)
-class Hypothesis:
+@dataclass(frozen=True)
+class Hypothesis(Displayed):
     """A model with some effects, fitted to the recordings.
 
     Parameters
@@ -100,8 +101,8 @@ class Hypothesis:
     propagated: _Array
     state: str = "converged"
 
-    def __repr__(self) -> str:
-        return f"<Hypothesis {self.name[:120]}: χ²/N {self.chi2_per_sample:.4g}, {self.state}>"
+    def _facts(self) -> dict[str, Any]:
+        return {"effects": self.name, "χ²/N": f"{self.chi2_per_sample:.4g}", "state": self.state}
 
     @property
     def name(self) -> str:

@@ -1,4 +1,4 @@
-"""Search for the effects that a model lacks: which are tried, how far each fit goes, and what each of them leaves."""
+"""Search for the effects that a model lacks: which are tried, in what order, and how far each fit goes."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _log = logging.getLogger(__name__)
 _BEAM = 2
 #: joint fits that begin from signatures, for each that is fitted to the end: of single effects, and beside another one
 _TRIED, _TRIED_BESIDE = 2, 1
-#: unless a fit leaves less than this share of what parameters leave, all effects are fitted from nominal parameters
+#: unless a fit has less than this share of the base fit's excess, all effects are fitted from nominal parameters
 _NEARLY = 0.02
 #: least probability of noise at which a fit is clearly adequate; below it the search goes on
 _CLEARLY_NOISE = 0.2
@@ -34,7 +34,7 @@ _CLEARLY_NOISE = 0.2
 _TIMES = 3
 #: partwise fits that reach the end, for each joint fit that does
 _ARRIVE = 0.5
-#: other fits that leave less than this share are restarted from all over the ranges, too; at most so many
+#: other fits below this share of the excess that are restarted from all over the ranges, and how many
 _RIVAL, _RIVALS = 0.003, 3
 #: most pairs that are all tried
 _MOST_PAIRS = 300

@@ -36,20 +36,20 @@ _log = logging.getLogger(__name__)
 
 #: least decrease of the objective for which a fit replaces another one, or an effect joins adequate parameters
 WORTH = 4.0
-#: "left" means χ² beyond noise. A fit that leaves more than this share of what parameters leave is not continued
+#: the excess is χ² beyond noise: largest share of the base fit's excess at which a fit is continued
 PART = 0.5
-#: largest share of what parameters leave at which an effect can be named
+#: largest share of the base fit's excess at which effects can be named
 NAMED = 0.1
 #: starts of a scan that are fitted, and times that a fit is led out of a local minimum
 _SCANNED, _ESCAPES = 2, 3
 #: most parameters of a model with its effects for a search of all their ranges
 _FEW = 8
-#: refinement of the step: largest χ²/N at which it is tried, its factor, and the largest share that it may leave
+#: refinement of the step: largest χ²/N at which it is tried, its factor, and the largest share of the excess to keep
 _NEAR, _FINER, _LEFT = 50.0, 4, 0.5
-#: times that a stalled fit is restarted from its neighbours, and the least share of what it leaves that counts as lower
+#: restarts of a stalled fit from its neighbours, and the least decrease that counts, as a share of its excess
 _RESTARTS, _LOWER = 16, 1e-3
-#: most that a partwise fit of several effects may leave if it goes on: in multiples of the part's values, or as a
-#: share of what parameters leave of the part (ten times the limit for naming two effects of another form)
+#: largest excess of a partwise fit of several effects that goes on: for each value of the part, or as a share of the
+#: base fit's excess there (ten times the limit for naming two effects whose form differs from the library's)
 _HARDLY, _TRACE = 1.0, 0.03
 #: starts all over the ranges, without effects or for each effect
 _STARTS = 16
@@ -147,7 +147,7 @@ class Refinement(CandidateSet):
     def improve_base(self) -> None:
         """Restart the fit without effects until nothing leads lower, unless it is adequate and the most evident.
 
-        A stalled search has reached no minimum, and a missing effect is judged by what this fit leaves.
+        A stalled search has reached no minimum, and missing effects are judged against this fit.
         """
         base = self.base
         self._restart_from_neighbours(base)
@@ -239,7 +239,7 @@ class Refinement(CandidateSet):
         return finer
 
     def _share_left(self, hypothesis: Hypothesis, problem: FitProblem) -> float:
-        """Share of what a hypothesis leaves beyond noise that it would leave in a finer problem, by (D2)."""
+        """Share of its excess that a hypothesis would keep in a finer problem, by (D2)."""
         columns = np.arange(len(hypothesis.u))
         objective = projected(problem, hypothesis.u[None], hypothesis.jacobian, columns)[0][0]
         self.n_simulations += problem.n_simulations
@@ -289,10 +289,7 @@ class Refinement(CandidateSet):
         return self._refine_step(self._leave_local_minima([better or hypothesis])[0])
 
     def _may_leave_noise(self, fit: PartwiseFit) -> bool:
-        """Whether a partwise fit leaves little beyond the noise of its part, or of what parameters leave there.
-
-        The right effects fit each part once they are found.
-        """
+        """Whether the excess of a partwise fit is small: the right effects fit each part once they are found."""
         part = fit.part
         alone = FitProblem(self.base.simulator, part.observations, self.base.names).with_step(self.rough_step)
         whole = float(alone.chi_square(alone.values(self.base.u))[0])

@@ -6,10 +6,12 @@ import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from errorscreen._runtime.display import Displayed
 from errorscreen._runtime.threads import parallel_map
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery.fits.halving import fit_to_end, try_all
@@ -23,11 +25,11 @@ from errorscreen.events import InputSignal, Playback
 
 _log = logging.getLogger(__name__)
 
-#: least share of what parameters leave beyond noise that a signal must explain
+#: least share of the excess of the base fit (χ² beyond noise) that a signal must explain
 _EXPLAINS = 0.1
 #: least correlation at which a signal is said to move with a quantity
 _MOVES = 0.5
-#: power of what a location leaves beyond noise, as for effects of another form
+#: power of the excess of a location, as for effects of another form
 _FORM = 2.0
 #: largest odds from the simplicity of a signal
 _SIMPLER = 3.0
@@ -35,8 +37,8 @@ _SIMPLER = 3.0
 _Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, repr=False)
-class InputLocation:
+@dataclass(frozen=True)
+class InputLocation(Displayed):
     """A port at which an unknown signal would explain the recordings.
 
     Parameters
@@ -54,7 +56,7 @@ class InputLocation:
     unit : str
         Of the waveform.
     explained : float
-        Share of what parameters leave beyond noise that the signal explains without the detail.
+        Share of the base fit's excess that the signal explains without the detail.
     states : mapping of (str, str) to ndarray of shape (L,)
         Of all devices with the signal without the detail, in the first recording, by device and name.
     """
@@ -70,8 +72,8 @@ class InputLocation:
     explained: float = 1.0
     states: States = field(default_factory=dict, compare=False)
 
-    def __repr__(self) -> str:
-        return f"<InputLocation {self.name[:100]}: probability {self.probability:.2f}, {self.text[:60]}>"
+    def _facts(self) -> dict[str, Any]:
+        return {"location": self.name, "probability": f"{self.probability:.2f}", "signal": self.text}
 
     @property
     def name(self) -> str:
@@ -152,13 +154,13 @@ def _first_fit(signals: Sequence[Effect], problem: FitProblem, starts: _Array) -
 
 
 def probabilities_of(found: Sequence[DetailedSignal]) -> _Array:
-    """Probabilities (n,) of locations by what each leaves, and a little by how simple its signal is.
+    """Probabilities (n,) of locations by their excess, and a little by how simple the signal is.
 
-    What the best leaves beyond noise counts as noise of that size and smoothness (`noise_inflation`). But it is no
-    noise: the linear model of the detail and wrong parameters of a device leave errors of form everywhere, and the
-    wrong location may leave a little less. So the odds of two locations are at most the squared ratio of what they
-    leave. Evidence, (D7), also prefers simple signals, but that depends on the prior of each port: an input of a
-    controller and its output explain the same by different signals. It counts at most three to one.
+    The best excess counts as noise of that size and smoothness (`noise_inflation`). But it is no noise: the linear
+    model of the detail and wrong parameters of a device leave errors of form everywhere, and the wrong location may
+    leave a little less. So the odds of two locations are at most the squared ratio of their excesses. Evidence, (D7),
+    also prefers simple signals, but that depends on the prior of each port: an input of a controller and its output
+    explain the same by different signals. It counts at most three to one.
     """
     n = len(found[0].residuals)
     evidence, excess = (np.array([getattr(s, name) for s in found]) for name in ("evidence", "excess"))
@@ -173,7 +175,7 @@ def probabilities_of(found: Sequence[DetailedSignal]) -> _Array:
 
 
 def _explained(hypothesis: Hypothesis, base: Hypothesis) -> float:
-    """Share of what the base leaves beyond noise that a hypothesis explains."""
+    """Share of the base fit's excess that a hypothesis explains."""
     n = len(base.residuals)
     return float(np.clip((base.chi2 - hypothesis.chi2) / max(base.chi2 - n, 1.0), 0.0, 1.0))
 
