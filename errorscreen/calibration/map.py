@@ -190,7 +190,11 @@ class MAPCalibrator(BaseCalibrator):
         max_iterations = check_integer(self.max_iterations, "max_iterations")
         check_real(self.level, "level", low=0.0, high=1.0, above=True)
         self.__dict__.pop("intervals_", None)  # an interrupted fit has none
-        search = self._search(problem)
+        search = problem.search(
+            prior=check_real(self.prior_scale, "prior_scale", low=0.0, above=True),
+            tol=check_real(self.tol, "tol", low=0.0, above=True),
+            step=check_real(self.step, "step", low=0.0, above=True),
+        )
         starts = self._starts(problem)
         history: list[tuple[float, ...]] = []
         best: BoundedSearch | None = None
@@ -198,7 +202,13 @@ class MAPCalibrator(BaseCalibrator):
             for first in range(0, len(starts), _AT_ONCE):
                 search.begin(starts[first : first + _AT_ONCE])
                 if search.tracks:
-                    self._iterate(problem, search, max_iterations, history)
+                    for _ in tqdm(range(max_iterations), desc="least squares", disable=not self.progress):
+                        more = search.iterate()
+                        active = sum(track.state == "active" for track in search.tracks)
+                        chi2_per_sample = float(np.mean(search.best.residuals**2))
+                        history.append((chi2_per_sample, problem.n_simulations, active))
+                        if not more:
+                            break
                     if _enough(search.tracks, problem.n_values):
                         break
             if not search.tracks:
@@ -267,37 +277,13 @@ class MAPCalibrator(BaseCalibrator):
             facts |= {"χ²/N": f"{self.chi2_per_sample_:.4g}", "state": self.state_}
         return facts
 
-    def _iterate(
-        self, problem: FitProblem, search: BoundedSearch, iterations: int, history: list[tuple[float, ...]]
-    ) -> None:
-        """Iterate until all starts have ended, or as often as allowed."""
-        for _ in tqdm(range(iterations), desc="least squares", disable=not self.progress):
-            more = search.iterate()
-            active = sum(track.state == "active" for track in search.tracks)
-            history.append((float(np.mean(search.best.residuals**2)), problem.n_simulations, active))
-            if not more:
-                return
-
-    def _search(self, problem: FitProblem) -> BoundedSearch:
-        """Search in u, the deviation from nominal in multiples of the scale."""
-        lower, upper = problem.scaled_bounds
-        return BoundedSearch(
-            lambda u: problem.residuals(problem.values(u)),
-            lower,
-            upper,
-            prior=check_real(self.prior_scale, "prior_scale", low=0.0, above=True),
-            tol=check_real(self.tol, "tol", low=0.0, above=True),
-            step=check_real(self.step, "step", low=0.0, above=True),
-        )
-
     def _starts(self, problem: FitProblem) -> NDArray[np.float64]:
         """Given starts or the nominal one, and the best of the library, in u."""
-        space = problem.space
-        first = np.zeros((1, len(space)))
+        first = np.zeros((1, len(problem.names)))
         if self.starts is not None:
             everything = self.simulator.parameters
             columns = [everything.index(name) for name in problem.names]
-            first = (everything.validate(self.starts)[:, columns] - space.nominal) / space.scales
+            first = problem.scaled(everything.validate(self.starts)[:, columns])
         others = max(0, check_integer(self.n_starts, "n_starts") - len(first))
         if not others:
             return first

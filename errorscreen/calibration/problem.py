@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from errorscreen._runtime.sampling import latin_hypercube
 from errorscreen._runtime.threads import parallel_map, threads_left
+from errorscreen.calibration.search import BoundedSearch
 from errorscreen.data.observations import Observation
 from errorscreen.exceptions import SimulationError
 from errorscreen.metrics import channel_weights, objective, quiet_level, response_error
@@ -100,7 +101,7 @@ class FitProblem:
 
     def drawn(self, n: int, random_state: Any = None) -> NDArray[np.float64]:
         """Scaled deviations u (n, k) all over the ranges, a Latin hypercube."""
-        return (latin_hypercube(self.space, n, random_state) - self.space.nominal) / self.space.scales
+        return self.scaled(latin_hypercube(self.space, n, random_state))
 
     def embed(self, values: ArrayLike) -> NDArray[np.float64]:
         """Full parameter vectors (n, m) for values (n, k) of the selected parameters, kept inside the bounds."""
@@ -110,11 +111,23 @@ class FitProblem:
     @property
     def scaled_bounds(self) -> NDArray[np.float64]:
         """Lower and upper bounds (2, k) of u, the deviation from nominal in multiples of the scale."""
-        return np.asarray((self.space.bounds.T - self.space.nominal) / self.space.scales)
+        return self.scaled(self.space.bounds.T)
 
     def values(self, u: ArrayLike) -> NDArray[np.float64]:
         """Values of the selected parameters for scaled deviations u, of the same shape."""
         return np.asarray(self.space.nominal + np.asarray(u) * self.space.scales)
+
+    def scaled(self, values: ArrayLike) -> NDArray[np.float64]:
+        """Scaled deviations u for values of the selected parameters, of the same shape."""
+        return np.asarray((np.asarray(values, dtype=float) - self.space.nominal) / self.space.scales)
+
+    def search(self, *, prior: float, tol: float, step: float, central: bool = True) -> BoundedSearch:
+        """Search over u; for the arguments see `BoundedSearch`."""
+        lower, upper = self.scaled_bounds
+        return BoundedSearch(
+            lambda u: self.residuals(self.values(u)),
+            lower, upper, prior=prior, tol=tol, step=step, central=central,
+        )  # fmt: skip
 
     def deviations(self, values: ArrayLike) -> list[NDArray[np.float64]]:
         """Simulated minus measured in multiples of the noise, for each recording (n, R, L).

@@ -330,9 +330,7 @@ def linearised(problem: FitProblem, u: ArrayLike) -> tuple[_Array, _Array]:
 
 def parameters_only(problem: FitProblem, theta: ArrayLike, state: str) -> Hypothesis:
     """Hypothesis without effects at a calibrator's values."""
-    search = _linearised(
-        problem, (np.asarray(theta, dtype=float) - problem.space.nominal) / problem.space.scales
-    )
+    search = _linearised(problem, problem.scaled(theta))
     search.best.state = state
     lowest = search.best.cost - search.promise(search.best)
     if problem.passes_noise:
@@ -362,11 +360,7 @@ def _linearised(problem: FitProblem, u: ArrayLike) -> BoundedSearch:
 
 
 def _search(problem: FitProblem, starts: ArrayLike, central: bool = True) -> BoundedSearch:
-    lower, upper = problem.scaled_bounds
-    search = BoundedSearch(
-        lambda u: problem.residuals(problem.values(u)),
-        lower, upper, prior=PRIOR, tol=_TOL, step=_STEP, central=central,
-    )  # fmt: skip
+    search = problem.search(prior=PRIOR, tol=_TOL, step=_STEP, central=central)
     search.begin(starts)
     if not search.tracks:
         raise problem.no_success()

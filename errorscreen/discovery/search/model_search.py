@@ -98,7 +98,9 @@ class ModelSearch(Refinement):
             searches = self._add_one(base, candidates)
             if size == 1 and not self._clearly_adequate and not self.explained(1, _NEARLY):
                 _log.info("joint fits of all %d from the nominal parameters", len(searches))
-                self._fit_sets(_problems(base, searches), partial(self._from_nominal, searches))
+                seeds = [self._seed(base, search.effect, 1) for search in searches]
+                fits = partial(fits_from_nominal, searches, self.n_fits, seeds, self.simulator.threads)
+                self._fit_sets(_problems(base, searches), fits)
                 self._improve_best(self.beside(base))
             self.n_simulations += sum(search.problem.n_simulations for search in searches)
             if size == 1 and not self.adequate and self.with_effects(1):
@@ -126,7 +128,10 @@ class ModelSearch(Refinement):
         searches = self._signatures(base, others)
         _log.info("joint fits of %d of them", min(wanted, len(searches)))
         best = searches[:wanted]
-        self._fit_sets(_problems(base, best), partial(self._from_signatures, base, best))
+        threshold = base.objective - WORTH if self.is_adequate(base) else np.inf
+        known = {frozenset(e.name for e in h.effects) for h in self.hypotheses}
+        fits = partial(fits_from_signatures, base, best, self.n_fits, known, threshold)
+        self._fit_sets(_problems(base, best), fits)
         self._improve_best(self.beside(base))
         return searches
 
@@ -148,15 +153,6 @@ class ModelSearch(Refinement):
         if not base.effects:
             self.signatures |= {s.effect.name: s.objective for s in searches if np.isfinite(s.objective)}
         return searches
-
-    def _from_signatures(self, base: Hypothesis, searches: Sequence[SignatureSearch]) -> Sequence[JointFit]:
-        threshold = base.objective - WORTH if self.is_adequate(base) else np.inf
-        known = {frozenset(e.name for e in h.effects) for h in self.hypotheses}
-        return fits_from_signatures(base, searches, self.n_fits, known, threshold)
-
-    def _from_nominal(self, searches: Sequence[SignatureSearch]) -> Sequence[JointFit]:
-        seeds = [self._seed(self.base, s.effect, 1) for s in searches]
-        return fits_from_nominal(searches, self.n_fits, seeds, self.simulator.threads)
 
     def _seed(self, base: Hypothesis, effect: Effect, *use: int) -> np.random.SeedSequence:
         """Seed by the name of an effect, so that the rest of the library does not matter."""
