@@ -141,7 +141,7 @@ class ModelSearch(Refinement):
         points = [(base.u, base.jacobian)]
         # with an effect the nominal parameters mean nothing; an adequate fit is not stuck
         if not base.effects and not self.is_adequate(base):
-            problem = FitProblem(base.simulator, list(observations))
+            problem = FitProblem(base.simulator, observations)
             nominal = np.zeros(len(base.u))
             points.append((nominal, linearised(problem, nominal)[1]))
             self.n_simulations += problem.n_simulations
@@ -217,7 +217,7 @@ class ModelSearch(Refinement):
                 simulator = base.simulator
                 for effect in effects[len(base.effects) :]:
                     simulator = simulator.extend(effect)
-                problems[effects] = FitProblem(simulator, list(base.observations))
+                problems[effects] = FitProblem(simulator, base.observations)
         beside = " and beside ".join(dict.fromkeys(base.name for base in bases.values()))
         _log.info("%d fits to growing parts of the recordings beside %s", len(problems), beside)
 

@@ -90,7 +90,7 @@ class Refinement(CandidateSet):
         self._restarted: Counter[str] = Counter()  # how often each has been fitted from all over the ranges
         self._no_escape: set[float] = set()  # objectives of fits with no start that leads lower
         self._no_finer: set[float] = set()  # objectives of fits that were tried with a finer step
-        problem = FitProblem(base.simulator, list(base.observations), base.names)
+        problem = FitProblem(base.simulator, base.observations, base.names)
         self.rough_step = rough_step(problem, base.u, seed)
         self.n_simulations += problem.n_simulations
         self.keep(base, self.test(base))
@@ -308,7 +308,7 @@ class Refinement(CandidateSet):
         simulator = self.simulator.with_step_of(reference)
         for effect in effects:
             simulator = simulator.extend(effect)
-        problem = FitProblem(simulator, list(observations))
+        problem = FitProblem(simulator, observations)
         points = [h.deviations(problem.names) for h in starts]
         found = self._journal.fitted(effects, problem, lambda: fit_hypothesis(effects, problem, points))
         self.n_simulations += problem.n_simulations
@@ -316,7 +316,7 @@ class Refinement(CandidateSet):
 
 
 def _problem_of(hypothesis: Hypothesis) -> FitProblem:
-    return FitProblem(hypothesis.simulator, list(hypothesis.observations), hypothesis.names)
+    return FitProblem(hypothesis.simulator, hypothesis.observations, hypothesis.names)
 
 
 def _own_point(hypothesis: Hypothesis, problem: FitProblem) -> _Array:

@@ -86,7 +86,7 @@ class SignatureSearch:
         step: float | None = None,
     ) -> None:
         self.effect, self._points = effect, points
-        self.problem = FitProblem(simulator.extend(effect), list(observations))
+        self.problem = FitProblem(simulator.extend(effect), observations)
         self._take_step(step)
         self._k = len(simulator.parameters)
         d = len(self.problem.space) - self._k

@@ -185,7 +185,7 @@ class _DetailedFit:
 
     def __init__(self, hypothesis: Hypothesis) -> None:
         self.hypothesis = hypothesis
-        self._problem = FitProblem(hypothesis.simulator, list(hypothesis.observations), hypothesis.names)
+        self._problem = FitProblem(hypothesis.simulator, hypothesis.observations, hypothesis.names)
         pulses, self._count = _sensitivities(hypothesis)
         # recordings of the same name share signal and detail; others have nothing in common
         ends = np.cumsum([len(g) for g in pulses])

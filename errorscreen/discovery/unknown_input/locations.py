@@ -122,7 +122,7 @@ def rank_input_locations(base: Hypothesis, journal: Journal | None = None) -> tu
             simulator = simulator.extend(signal)
         fixed = {signal.local(name) for signal in signals for name in (signal.strength.name, *PULSE)}
         names = [name for name in simulator.parameters.names if name not in fixed]
-        problems[signals] = FitProblem(simulator, list(base.observations), names)
+        problems[signals] = FitProblem(simulator, base.observations, names)
         # also from nominal: fitted parameters have made up for the input, and lead to a local minimum
         starts = np.zeros((2, len(names)))
         starts[0, : len(base.u)] = base.u

@@ -136,5 +136,5 @@ def test_each_effect_has_the_longer_step_only_where_it_is_good_enough_with_it(sh
     again = search().restore(first.packed()).run()
     assert again.step == longer
     assert again.objective == whole.objective
-    growth = PartwiseFit([effect], whole.problem, whole.starts(), 0, 4 * model.step).run()
-    assert growth.step == longer
+    fit = PartwiseFit([effect], whole.problem, whole.starts(), 0, 4 * model.step).run()
+    assert fit.step == longer

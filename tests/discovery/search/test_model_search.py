@@ -24,7 +24,7 @@ TIME = np.arange(0.0, 60.0, 0.3)
 NAMES = "velocity.cubic(position)", "force.lag"
 
 
-def competition(simulator, observation, **options):
+def new_search(simulator, observation, **options):
     fitted = MAPCalibrator(simulator, random_state=0).fit(observation)
     base = parameters_only(FitProblem(simulator, observation), fitted.theta_, "converged")
     options = {"max_effects": 1, "n_fits": 6, "n_draws": 32, "significance": 0.002, "seed": 0} | options
@@ -47,7 +47,7 @@ def pair_search():
     simulator = oscillator(push(time=TIME), step=0.05)
     known = {effect.name: effect for effect in simulator.effects}
     observation = simulator.observe(recorded(NAMES, [0.45, 4.4, 0.6, 0.4], 2e-3))
-    found = competition(simulator, observation, max_effects=2)
+    found = new_search(simulator, observation, max_effects=2)
     return found, known
 
 
@@ -63,7 +63,7 @@ def test_a_smaller_step_is_taken_only_where_it_explains_what_is_left(
     plain = ModelSearch._fit_effects
     monkeypatch.setattr(ModelSearch, "_fit_effects", lambda *args: refits.append(1) or plain(*args))
     simulator = oscillator(push(time=TIME), step=0.3)
-    found = competition(simulator, simulator.observe(recorded(effects, values, noise)))
+    found = new_search(simulator, simulator.observe(recorded(effects, values, noise)))
     assert (found.base.simulator.step < simulator.step) == finer
     assert found.is_adequate(found.base) == finer
     assert len(refits) == finer
@@ -79,7 +79,7 @@ def test_signatures_are_refined_for_the_effects_that_are_ahead(spring, monkeypat
 
     monkeypatch.setattr(SignatureSearch, "run", counted)
     simulator, observation = spring
-    found = competition(simulator, observation, n_fits=3)
+    found = new_search(simulator, observation, n_fits=3)
     found.run(simulator.effects)
     reached = sorted(rounds.values(), reverse=True)
     assert reached == [4] * 3 + [3] * 3 + [2] * 6 + [1] * (len(simulator.effects) - 12)
@@ -95,15 +95,15 @@ def test_what_hardly_passes_for_noise_does_not_end_the_search(spring, p_value, g
     plain = ModelSearch.test
 
     def test(self, hypothesis):
-        remainder = plain(self, hypothesis)
-        passes = remainder.p_value > self.significance
-        return replace(remainder, p_value=p_value) if hypothesis.effects and passes else remainder
+        residual_test = plain(self, hypothesis)
+        passes = residual_test.p_value > self.significance
+        return replace(residual_test, p_value=p_value) if hypothesis.effects and passes else residual_test
 
     monkeypatch.setattr(ModelSearch, "test", test)
     monkeypatch.setattr(
         "errorscreen.discovery.search.model_search._NEARLY", 0.0
     )  # else so large an effect ends it
-    found = competition(simulator, observation)
+    found = new_search(simulator, observation)
     found.run(candidates)
     assert any("from the nominal parameters" in line for line in caplog.messages) == goes_on
     assert [h.name for h in found.adequate] == ["velocity.cubic(position)"]
@@ -121,20 +121,20 @@ def test_an_effect_that_imitates_another_one_is_exchanged(monkeypatch):
     assert found.adequate[0].theta == pytest.approx([0.45, 4.4, 0.6, 0.4], rel=0.05)
 
 
-def raced(monkeypatch, pair, candidates=None):
-    """Sets of effects of the races where a pair comes nearest to noise, and what each of them begins with."""
+def partwise_sets(monkeypatch, pair, candidates=None):
+    """Sets of effects of the partwise fits where a pair is nearest to noise, and the fit that each begins with."""
     found, known = pair_search()
     effects = [known[name] for name in pair]
-    races = []
+    rounds = []
     monkeypatch.setattr(
         ModelSearch,
         "_add_effects",
         lambda self, _: self._refit(effects, self.base, [self.base], everywhere=False),
     )
-    monkeypatch.setattr(ModelSearch, "_fit_partwise", lambda self, sets, *starts: races.append(sets))
+    monkeypatch.setattr(ModelSearch, "_fit_partwise", lambda self, sets, *starts: rounds.append(sets))
     monkeypatch.setattr(ModelSearch, "_restart_nearest", lambda self: None)
     found.run([known[name] for name in candidates or known])
-    return races
+    return rounds
 
 
 LEAVES_LITTLE = ("lag_position", NAMES[0])
@@ -142,15 +142,15 @@ LEAVES_MOST = ("velocity.drag(position)", "velocity.viscous(velocity)")
 
 
 def test_others_are_tried_in_place_of_each_effect_of_a_pair_that_leaves_less_than_half(monkeypatch):
-    (sets,) = raced(monkeypatch, LEAVES_LITTLE)
+    (sets,) = partwise_sets(monkeypatch, LEAVES_LITTLE)
     assert all(set(base.effects) == set(effects[:-1]) and base.effects for effects, base in sets.items())
     assert {e.name for base in sets.values() for e in base.effects} >= set(LEAVES_LITTLE)
 
 
 def test_all_pairs_are_tried_where_the_nearest_leaves_more_unless_they_are_too_many(monkeypatch):
-    assert raced(monkeypatch, LEAVES_MOST) == []
+    assert partwise_sets(monkeypatch, LEAVES_MOST) == []
     candidates = (*LEAVES_MOST, *NAMES, "lag_position")
-    (sets,) = raced(monkeypatch, LEAVES_MOST, candidates)
+    (sets,) = partwise_sets(monkeypatch, LEAVES_MOST, candidates)
     assert [{e.name for e in effects} for effects in sets] == [set(p) for p in combinations(candidates, 2)]
     assert not any(base.effects for base in sets.values())
 
@@ -161,11 +161,11 @@ def test_two_effects_that_leave_much_of_a_part_of_the_recordings_are_led_no_furt
     for names in (NAMES, LEAVES_MOST):
         effects = [known[name] for name in names]
         problem = FitProblem(found.simulator.extend(effects[0]).extend(effects[1]), found.measured)
-        growth = start_partwise(found.base, effects, problem, 6, 0).run(3)
-        worth.append(found._may_leave_noise(growth))
+        fit = start_partwise(found.base, effects, problem, 6, 0).run(3)
+        worth.append(found._may_leave_noise(fit))
         # of noise alone nothing can be told
-        growth.objective = 1.5 * growth.part.n_values
-        assert found._may_leave_noise(growth)
+        fit.objective = 1.5 * fit.part.n_values
+        assert found._may_leave_noise(fit)
     assert worth == [True, False]
 
 
@@ -183,10 +183,10 @@ def test_an_exchange_also_begins_at_the_best_single_effects(alone, joined, monke
     pair = ("force.delay", "velocity.cubic(velocity)")
     for names in [(name,) for name in alone] + [pair]:
         found._refit([known[name] for name in names], found.base, [found.base], everywhere=False)
-    races = []
-    monkeypatch.setattr(ModelSearch, "_fit_partwise", lambda self, sets, *starts: races.append(sets))
+    rounds = []
+    monkeypatch.setattr(ModelSearch, "_fit_partwise", lambda self, sets, *starts: rounds.append(sets))
     found._exchange_effects(found.simulator.effects)
-    assert {base.name for base in races[0].values()} == {*pair, *joined}
+    assert {base.name for base in rounds[0].values()} == {*pair, *joined}
 
 
 def test_a_pair_of_which_neither_explains_anything_alone_is_found():
@@ -222,7 +222,7 @@ def test_a_second_effect_that_no_signature_promises_is_found_by_growing_fits(mon
 
 def test_other_starts_are_tried_so_many_times_in_all_and_no_more(spring, caplog):
     simulator, observation = spring
-    found = competition(simulator, observation)
+    found = new_search(simulator, observation)
     for times in (1, 1, 3, 3, 1):
         found._restart_everywhere(found.base, times)
     assert caplog.messages.count("other starts of parameters") == 3
@@ -236,8 +236,8 @@ def test_other_starts_of_a_pair_end_as_soon_as_it_is_hopeless(names, hopes, monk
     fitted = found._refit([known[name] for name in names], found.base, [found.base], everywhere=False)
     asked, followed = [], []
 
-    def hopeful(self, growth):
-        asked.append(growth.part.n_values)
+    def hopeful(self, fit):
+        asked.append(fit.part.n_values)
         return len(asked) <= hopes
 
     monkeypatch.setattr(ModelSearch, "_may_leave_noise", hopeful)
@@ -308,7 +308,7 @@ def test_of_two_effects_each_must_add_something(pair, adds):
 @pytest.mark.parametrize("adds", [True, False])
 def test_two_of_which_one_is_idle_are_not_fitted_from_everywhere(adds, spring, monkeypatch, caplog):
     simulator, observation = spring
-    found = competition(simulator, observation, max_effects=2)
+    found = new_search(simulator, observation, max_effects=2)
     known = {effect.name: effect for effect in simulator.effects}
     monkeypatch.setattr(ModelSearch, "adds", lambda self, fitted: adds)
     monkeypatch.setattr(ModelSearch, "is_adequate", lambda self, fitted: False)

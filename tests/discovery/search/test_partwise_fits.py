@@ -135,16 +135,16 @@ def test_what_is_hopeless_after_a_fifth_of_the_recordings_goes_no_further(spring
     ]
     seen = []
 
-    def hopeful(growth):
-        seen.append(growth.part.n_values)
-        return growth.effects == (chosen[0],)
+    def hopeful(fit):
+        seen.append(fit.part.n_values)
+        return fit.effects == (chosen[0],)
 
     (fit,) = fit_growing_parts(fits, 2, hopeful=hopeful)
     assert fit.effects == (chosen[0],)
     # both in the first round, then what is left, again and again
     asked = [0.2, 0.2, 0.2, 0.33, 0.5, 0.7, 0.85]
     assert seen == [problems[0].until(share).n_values for share in asked]
-    assert not fit_growing_parts(fits, 2, hopeful=lambda growth: False)
+    assert not fit_growing_parts(fits, 2, hopeful=lambda fit: False)
     assert caplog.messages[-1] == "0 of 2 go on from 20% of the recordings"
 
 
