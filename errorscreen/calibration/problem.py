@@ -121,13 +121,10 @@ class FitProblem:
         """Scaled deviations u for values of the selected parameters, of the same shape."""
         return np.asarray((np.asarray(values, dtype=float) - self.space.nominal) / self.space.scales)
 
-    def search(self, *, prior: float, tol: float, step: float, central: bool = True) -> BoundedSearch:
-        """Search over u; for the arguments see `BoundedSearch`."""
+    def search(self, **options: Any) -> BoundedSearch:
+        """`BoundedSearch` over u with these options."""
         lower, upper = self.scaled_bounds
-        return BoundedSearch(
-            lambda u: self.residuals(self.values(u)),
-            lower, upper, prior=prior, tol=tol, step=step, central=central,
-        )  # fmt: skip
+        return BoundedSearch(lambda u: self.residuals(self.values(u)), lower, upper, **options)
 
     def deviations(self, values: ArrayLike) -> list[NDArray[np.float64]]:
         """Simulated minus measured in multiples of the noise, for each recording (n, R, L).

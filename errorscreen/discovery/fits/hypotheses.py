@@ -275,7 +275,7 @@ class JointFit:
 
 
 def name_of(effects: Sequence[Effect]) -> str:
-    """Names of effects joined by `` + ``; ``"parameters"`` without any."""
+    """See `Hypothesis.name`."""
     return " + ".join(effect.name for effect in effects) or "parameters"
 
 
