@@ -1,23 +1,23 @@
-r"""Fits without the bias by the noise of what is injected.
+r"""Noise-bias correction of fits with injected signals.
 
 Where a recorded signal is injected into the model, its noise moves the simulation. A fit then lowers its objective by
-letting less of that noise pass, say with a larger reactance, and settles beside the right values: least squares with
-noise in what should be known exactly (W. A. Fuller, *Measurement Error Models*, 1987, section 1.1.1). At the right
-parameters the slope of χ² is not zero on average, but that of the energy E of what passes,
+parameters that pass less noise, say a larger reactance, and ends beside the right values: least squares with noise in
+the regressors (W. A. Fuller, *Measurement Error Models*, 1987, section 1.1.1). At the right parameters the mean slope
+of χ² is not zero, but that of the energy E of propagated noise,
 
 .. math:: E(u) = \mathrm{E}\,\Big\lVert \Sigma^{-1/2}\big(f(\tilde x + n, u) - f(\tilde x, u)\big)\Big\rVert^2
 
-with the injected signals :math:`\tilde x` as they were recorded and noise n like theirs. So what is to be minimised is
+with the injected signals :math:`\tilde x` as they were recorded and noise n like theirs. So the corrected objective is
 
 .. math:: \chi^2(u) - E(u) + \sum_j (u_j / s)^2                                                      \qquad (K1)
 
 whose slope is right on average (T. Nakamura, "Corrected score function for errors-in-variables models", *Biometrika*
-77(1), 1990). E is simulated with added noise, as J. R. Cook and L. A. Stefanski do ("Simulation-extrapolation
-estimation in parametric measurement error models", *Journal of the American Statistical Association* 89, 1994), and
-follows the parameters so smoothly that its slope at the minimum, renewed where that leads, does for the search.
+77(1), 1990). E is simulated with added noise, as by J. R. Cook and L. A. Stefanski ("Simulation-extrapolation
+estimation in parametric measurement error models", *Journal of the American Statistical Association* 89, 1994). It
+follows the parameters so smoothly that its slope at the minimum, renewed at the new minimum, is enough.
 
-The bias grows with the square of the noise, what noise leaves open with the noise itself: for the reactances of a
-synchronous machine it is about one standard deviation at 40 dB, and ten at 20 dB.
+The bias grows with the square of the noise, the spread of a fit with the noise itself: for the reactances of a
+synchronous machine the bias is about one standard deviation at 40 dB, and ten at 20 dB.
 """
 
 from __future__ import annotations
@@ -33,23 +33,23 @@ from errorscreen.simulators.plant.injection_noise import typical
 
 #: times that the slope is renewed, and iterations with each
 _TIMES, _ITERATIONS = 4, 10
-#: step of its differences in u; E has curvature, but no noise of its own
+#: step of its differences in u
 _STEP = 1e-2
-#: what leaves more than this χ²/N is far from where noise matters
+#: χ²/N above which noise does not matter
 _FAR = 10.0
 
 
 def bias_corrected(search: BoundedSearch, problem: FitProblem, smooth: ArrayLike = True) -> BoundedSearch:
-    """Return a search with the best track alone, led to where (K1) has its minimum.
+    """Return a search with the best track alone, moved to the minimum of (K1).
 
     Parameters
     ----------
     search : BoundedSearch
-        Stays as it is.
+        Is not changed.
     problem : FitProblem
         Of this search.
     smooth : array-like of shape (k,), bool
-        Parameters that the energy follows smoothly, also far away; that of others is taken not to change. All where not
+        Parameters that the energy follows smoothly, also far away; it is taken as constant in the others. All where not
         given.
 
     Returns
@@ -79,16 +79,11 @@ def bias_corrected(search: BoundedSearch, problem: FitProblem, smooth: ArrayLike
 
 
 def noise_slope(problem: FitProblem, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """Slope (k,) of the energy of propagated noise at u, 0 where it cannot be simulated, and the energy itself.
-
-    Parameters
-    ----------
-    problem : FitProblem
-    u : ndarray of shape (k,)
+    """Slope (k,) of the energy of propagated noise at u, 0 where a simulation fails, and the energy.
 
     Examples
     --------
-    With a larger transient reactance less noise passes.
+    A larger transient reactance passes less noise.
 
     >>> from errorscreen.cases.demo import demo_recordings
     >>> from errorscreen.simulators import PlantSimulator
@@ -103,6 +98,6 @@ def noise_slope(problem: FitProblem, u: NDArray[np.float64]) -> tuple[NDArray[np
     moved = np.clip(u + np.diag(inwards), lower, upper)
     width = np.diag(moved) - u
     energy = problem.propagated_noise(problem.values(np.vstack([u, moved]))).sum(axis=2)
-    # of each draw: the energies of two draws differ by more than the step changes them
+    # within each draw: energies of two draws differ by more than the step changes them
     slope = typical((energy[:, 1:] - energy[:, :1]) / np.where(width != 0, width, 1.0))
     return np.nan_to_num(slope), float(np.nan_to_num(typical(energy[:, 0])))

@@ -1,21 +1,34 @@
-"""What all calibrators share: a fitted simulator, its prediction and its score."""
+"""Base class of calibrators: a fitted simulator, its prediction, score, table and figure."""
 
 from __future__ import annotations
 
-from typing import Any
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
+from errorscreen._runtime.display import Displayed, aligned
 from errorscreen.calibration.problem import FitProblem
+from errorscreen.data.observations import Observation
 from errorscreen.events import Event
 from errorscreen.simulators.base import Simulator
 from errorscreen.simulators.observations import with_initial_states
 
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
 
-class BaseCalibrator(BaseEstimator):
+
+def by_column(names: Sequence[str], rows: Sequence[tuple[float, ...]]) -> dict[str, NDArray[np.float64]]:
+    """Columns of a history by name."""
+    return dict(zip(names, np.array(rows, dtype=float).reshape(-1, len(names)).T, strict=True))
+
+
+class BaseCalibrator(Displayed, BaseEstimator, ABC):
     """Base class of calibrators; `fit` of a subclass calls `_store`.
 
     Attributes
@@ -23,21 +36,36 @@ class BaseCalibrator(BaseEstimator):
     theta_ : ndarray of shape (m,)
         All parameters after calibration.
     names_ : tuple of k str
-        Parameters that were calibrated.
+        Calibrated parameters.
     values_ : dict of str to float
         Their values.
     simulator_ : Simulator
-        The simulator with the calibrated values as its nominal ones.
+        The simulator with the calibrated values as nominal ones.
+    observations_ : list of Observation
+        Fitted recordings.
     n_simulations_, n_failed_ : int
-        Simulations that the fit used, and how many of them failed.
+        Simulations of the fit, and how many of them failed.
     """
 
+    simulator: Simulator
     theta_: NDArray[np.float64]
     names_: tuple[str, ...]
     values_: dict[str, float]
     simulator_: Simulator
+    observations_: list[Observation]
     n_simulations_: int
     n_failed_: int
+
+    @abstractmethod
+    def fit(self, X: Any, y: None = None) -> BaseCalibrator:
+        """Calibrate on one recording, or on several together.
+
+        Parameters
+        ----------
+        X : Observation, or anything ``simulator.observe`` takes, or a list of them
+        y : None
+            Not used, present for scikit-learn.
+        """
 
     def predict(self, event: Any = None) -> NDArray[np.float64]:
         """Response of the calibrated simulator.
@@ -45,7 +73,7 @@ class BaseCalibrator(BaseEstimator):
         Parameters
         ----------
         event : Event, Observation or what ``simulator.observe`` takes, optional
-            What to simulate: an event, or that of a recording. The simulator's own event where not given.
+            Event to simulate, or a recording of it; the simulator's own event where not given.
 
         Returns
         -------
@@ -80,22 +108,73 @@ class BaseCalibrator(BaseEstimator):
         loss = problem.objective(self.theta_, self._score_weights())[0]
         return -float(loss) if np.isfinite(loss) else -np.inf
 
+    def to_frame(self) -> pd.DataFrame:
+        """Table of the calibrated parameters, one row each, indexed by name: unit, nominal and fitted value."""
+        import pandas as pd
+
+        check_is_fitted(self, "simulator_")
+        space = self.simulator.parameters.subset(self.names_)
+        columns = {
+            "unit": [p.unit for p in space],
+            "nominal": space.nominal,
+            "value": list(self.values_.values()),
+        }
+        return pd.DataFrame(columns, index=pd.Index(self.names_, name="name"))
+
+    def summary(self) -> str:
+        """Facts of the fit, and the table of `to_frame` as text."""
+        frame = self.to_frame()
+        table = aligned([["name", *frame.columns], *frame.itertuples()])
+        return "\n".join([type(self).__name__, aligned(self._facts().items()), "", table])
+
+    def plot(self, X: Any = None) -> Figure:
+        """Measured against simulated channels, before and after calibration.
+
+        Parameters
+        ----------
+        X : Observation, or anything ``simulator.observe`` takes, or a list of them, optional
+            Recordings to show, one column each; the fitted ones where not given.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
+        from errorscreen.plotting import plot_comparison
+
+        check_is_fitted(self, "simulator_")
+        seen = self.observations_ if X is None else with_initial_states(self.simulator_, X)
+        return plot_comparison(seen, {"before": self.simulator, "after": self.simulator_})
+
+    def _facts(self) -> dict[str, Any]:
+        facts = {"simulator": type(self.simulator).__name__}
+        if not hasattr(self, "simulator_"):
+            return facts | {"state": "not fitted"}
+        return facts | {
+            "parameters": len(self.names_),
+            "recordings": len(self.observations_),
+            "simulations": self.n_simulations_,
+        }
+
+    def _html_repr(self) -> str:
+        return self._repr_html_()
+
     def _score_weights(self) -> ArrayLike | None:
         """Channel weights of J; equal ones unless a subclass has others."""
         return None
 
     def _store(self, problem: FitProblem, values: NDArray[np.float64]) -> None:
-        """Take over the values (k,) that were found."""
+        """Take over the fitted values (k,)."""
         self.theta_ = problem.embed(values)[0]
         self.names_ = problem.names
         index = [problem.simulator.parameters.index(name) for name in problem.names]
         self.values_ = dict(zip(problem.names, self.theta_[index].tolist(), strict=True))
         self.simulator_ = problem.simulator.with_nominal(self.theta_)
+        self.observations_ = problem.observations
         self.n_simulations_ = problem.n_simulations
         self.n_failed_ = problem.n_failed
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()
-        tags.input_tags.two_d_array = False  # what is fitted is a recording
+        tags.input_tags.two_d_array = False  # a fit takes recordings
         tags.target_tags.required = False
         return tags

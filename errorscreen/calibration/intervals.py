@@ -1,4 +1,4 @@
-"""How well a fit determines its parameters: covariance, intervals, parameters that cannot be told apart."""
+"""How well a fit determines its parameters: covariance, inflation, and groups of collinear parameters."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from scipy.sparse.csgraph import connected_components
 
 from errorscreen.data.signals import correlation_time
 
-#: a direction is determined where its standard deviation is below this share of what was known before
+#: a direction is determined if its standard deviation is below this share of the one before the fit
 DETERMINED = 0.5
-#: entry of the projector onto undetermined directions from which two parameters count as linked
+#: least entry of the projector onto undetermined directions that links two parameters
 _LINK = 0.1
 
 _Array = NDArray[np.float64]
@@ -28,7 +28,7 @@ def posterior_covariance(jacobian: ArrayLike, prior: float, inflation: float = 1
     prior : float
         Standard deviation s of the prior.
     inflation : float, default 1
-        f, how much larger the variance of the residuals is than the noise says, see `noise_inflation`.
+        f, see `noise_inflation`.
 
     Returns
     -------
@@ -48,14 +48,14 @@ def posterior_covariance(jacobian: ArrayLike, prior: float, inflation: float = 1
 
 
 def noise_inflation(deviations: Sequence[ArrayLike], n_parameters: float) -> float:
-    r"""Variance of the residuals, with their correlation in time, in multiples of what the noise explains.
+    r"""Variance of the residuals, with their correlation in time, in multiples of the noise.
 
     .. math:: f = \max\left(1, \frac{\chi^2}{N - p} \, \tau\right), \qquad \tau = 1 + 2 \sum_{l \ge 1} \rho_l
 
     τ is the integrated autocorrelation time in samples, summed up to the first lag whose correlation ρ is not
-    positive. Residuals that exceed the noise are as a rule smooth in time: their samples do not count as
-    independent, and intervals from χ² alone would be far too narrow. Even so they hold only as far as the
-    misfit acts like noise; a wrong model can bias a parameter by more.
+    positive. Residuals beyond noise are mostly smooth in time: their samples are not independent, and intervals from
+    χ² alone would be far too narrow. The factor holds as far as the misfit acts like noise; a wrong model can bias a
+    parameter by more.
 
     Parameters
     ----------
@@ -100,12 +100,11 @@ def correlation(covariance: ArrayLike) -> _Array:
 def collinear_groups(covariance: ArrayLike, known: ArrayLike) -> list[tuple[int, ...]]:
     """Parameters that the recordings determine together but not one by one.
 
-    In units of what was known before, the eigenvectors of the covariance that a fit did not narrow to half
-    span the undetermined directions (the complement of the likelihood-informed subspace of Cui et al. 2014,
-    Inverse Problems 30, 114015). Two parameters are linked where the projector onto these directions couples
-    them, which does not depend on how the directions are chosen among themselves. A parameter is left out if
-    it is determined by itself, or if it would stay undetermined even with all others known: then it has no
-    partner but no effect.
+    In units of the standard deviations before the fit, the eigenvectors of the covariance that a fit did not narrow to
+    half span the undetermined directions (the complement of the likelihood-informed subspace of Cui et al. 2014,
+    Inverse Problems 30, 114015). Two parameters are linked if the projector onto these directions couples them. A
+    parameter belongs to no group if it is determined by itself, or would stay undetermined with all others known: then
+    it has no effect.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A fit as the optimisers see it: parameter values in, misfit out, one simulate call for each event."""
+"""The fit that optimisers see: parameter values in, misfit out, one simulate call for each event."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from errorscreen._runtime.sampling import latin_hypercube
 from errorscreen._runtime.threads import parallel_map, threads_left
+from errorscreen.calibration.search import BoundedSearch
 from errorscreen.data.observations import Observation
 from errorscreen.exceptions import SimulationError
 from errorscreen.metrics import channel_weights, objective, quiet_level, response_error
@@ -18,11 +19,11 @@ from errorscreen.parameters import distinct_rows
 from errorscreen.simulators.base import Simulator
 from errorscreen.simulators.observations import as_observations, check_names
 
-#: simulated numbers that a thread holds at a time when only their misfit is wanted (128 MiB)
+#: most simulated numbers of a thread at a time where only the misfit is kept (128 MiB)
 _CHUNK = 2**24
-#: measured instants after the start of an event that are the least part of a recording
+#: fewest measured samples after the start of an event in a part of a recording
 _LEAST = 8
-#: propagated noise beyond what was counted, in multiples of the noise, that is taken as noise of the same shape
+#: most propagated noise beyond what was counted that a fit accepts, in multiples of the noise
 _MOST_PASSED = 0.5
 
 
@@ -72,24 +73,21 @@ class FitProblem:
         self._counts_in: FitProblem | None = None
 
     def until(self, share: float) -> FitProblem:
-        """Return the fit to this share of what was measured after the start of each event.
+        """Fit to this share of the measured samples after the start of each event, and to all before it.
 
-        What was measured before the start belongs to all of them. Simulations of the part count here, too.
+        Its simulations count here, too.
         """
         parts = [self.simulator.part(o, _samples_until(o, share)) for o in self.observations]
         return self._derived(self.simulator, parts)
 
     def with_step(self, step: float | None) -> FitProblem:
-        """Return the fit with another longest step in seconds, whose simulations count here, too.
-
-        Itself where none is given.
-        """
+        """Fit with another longest step in seconds, whose simulations count here, too; itself for None."""
         if step is None:
             return self
         return self._derived(self.simulator.with_step(step), self.observations)
 
     def _derived(self, simulator: Simulator, observations: list[Observation]) -> FitProblem:
-        """Fit of the same parameters whose simulations count here, too."""
+        """Fit of the same parameters; its simulations count here, too."""
         derived = FitProblem(simulator, observations, self.names)
         derived._counts_in = self
         return derived
@@ -103,7 +101,7 @@ class FitProblem:
 
     def drawn(self, n: int, random_state: Any = None) -> NDArray[np.float64]:
         """Scaled deviations u (n, k) all over the ranges, a Latin hypercube."""
-        return (latin_hypercube(self.space, n, random_state) - self.space.nominal) / self.space.scales
+        return self.scaled(latin_hypercube(self.space, n, random_state))
 
     def embed(self, values: ArrayLike) -> NDArray[np.float64]:
         """Full parameter vectors (n, m) for values (n, k) of the selected parameters, kept inside the bounds."""
@@ -113,11 +111,20 @@ class FitProblem:
     @property
     def scaled_bounds(self) -> NDArray[np.float64]:
         """Lower and upper bounds (2, k) of u, the deviation from nominal in multiples of the scale."""
-        return np.asarray((self.space.bounds.T - self.space.nominal) / self.space.scales)
+        return self.scaled(self.space.bounds.T)
 
     def values(self, u: ArrayLike) -> NDArray[np.float64]:
         """Values of the selected parameters for scaled deviations u, of the same shape."""
         return np.asarray(self.space.nominal + np.asarray(u) * self.space.scales)
+
+    def scaled(self, values: ArrayLike) -> NDArray[np.float64]:
+        """Scaled deviations u for values of the selected parameters, of the same shape."""
+        return np.asarray((np.asarray(values, dtype=float) - self.space.nominal) / self.space.scales)
+
+    def search(self, **options: Any) -> BoundedSearch:
+        """`BoundedSearch` over u with these options."""
+        lower, upper = self.scaled_bounds
+        return BoundedSearch(lambda u: self.residuals(self.values(u)), lower, upper, **options)
 
     def deviations(self, values: ArrayLike) -> list[NDArray[np.float64]]:
         """Simulated minus measured in multiples of the noise, for each recording (n, R, L).
@@ -145,7 +152,7 @@ class FitProblem:
         return any(observation.propagated is not None for observation in self.observations)
 
     def propagated_noise(self, values: ArrayLike) -> NDArray[np.float64]:
-        """Energy of what draws of the noise of injected signals make, see `Simulator.propagated_noise`.
+        """Energy of propagated noise of injected signals beyond what was counted, see `Simulator.propagated_noise`.
 
         Parameters
         ----------
@@ -154,10 +161,9 @@ class FitProblem:
         Returns
         -------
         ndarray of shape (D, n, S)
-            In squared deviations, for each channel of each recording; less what the observations' noise holds of it,
-            and at most half of the channel's noise. Where a model amplifies noise by more, as one with a large lag in
-            a control loop does, it is not enough to know how much that is: it has to be counted where it happens,
-            see `Simulator.with_uncertainty`.
+            In squared deviations, for D draws and each channel of each recording; at most half of the channel's noise.
+            A model that amplifies noise by more, as a large lag in a control loop does, needs
+            `Simulator.with_uncertainty`.
         """
         theta = self.embed(values)
         parts = []
@@ -175,7 +181,7 @@ class FitProblem:
     def objective(self, values: ArrayLike, weights: ArrayLike | None = None) -> NDArray[np.float64]:
         """J, equation (24), of each row, summed over the recordings, shape (n,); NaN in rows that failed.
 
-        A channel of which a recording holds nothing adds nothing.
+        A channel without measured values adds nothing.
         """
         lambdas = channel_weights(weights, len(self.simulator.channels))
 
@@ -188,17 +194,17 @@ class FitProblem:
         return np.sum(self._simulated(values, misfit), axis=0)
 
     def no_success(self) -> SimulationError:
-        """Build the error for a fit in which no simulation ended well."""
+        """Error of a fit without a successful simulation."""
         return SimulationError(f"no simulation of the fit ended well: {self._failures}.")
 
     def _simulated(
         self, values: ArrayLike, use: Callable[[Observation, NDArray[np.float64]], NDArray[np.float64]]
     ) -> list[NDArray[np.float64]]:
-        """What is made of each observation and the responses (n, R, L) to its event, side by side."""
+        """Result of `use` for each observation and the responses (n, R, L) to its event, in parallel."""
         theta = self.embed(values)
         calls = [partial(self._respond, theta, observation, use) for observation in self.observations]
         threads = threads_left(self.simulator.threads)
-        # those that are left over when each thread has had as many as the others share all threads
+        # the calls left over by an even split share all threads
         even = len(calls) // threads * threads
         parts = [part for some in (calls[:even], calls[even:]) for part in parallel_map(some, threads)]
         for _, count, failed, failures in parts:
@@ -211,10 +217,10 @@ class FitProblem:
         observation: Observation,
         use: Callable[[Observation, NDArray[np.float64]], NDArray[np.float64]],
     ) -> tuple[NDArray[np.float64], int, int, str]:
-        """What is made of one recording, simulations, how many of them failed, and why."""
+        """Result of `use` for one recording, simulations, how many of them failed, and why."""
         event, rows, which = observation.event, theta, None
         if any(not effect.acts_in(event) for effect in self.simulator.extensions):
-            # rows that differ in nothing that acts in this event are simulated once
+            # rows that only differ in effects that are off in this event are simulated once
             rows, which = distinct_rows(self.simulator.acting(theta, event))
         responses = self.simulator.simulate(rows, event)
         failed = int(np.sum(~responses.ok))
@@ -223,7 +229,7 @@ class FitProblem:
 
 
 def _samples_until(observation: Observation, share: float) -> int:
-    """Samples up to a share of the instants at which something was measured after the start of the event."""
+    """Samples until this share of the measured samples after the start of the event."""
     after = np.flatnonzero(
         observation.mask.any(axis=0) & (observation.time >= observation.event.start - 1e-9)
     )

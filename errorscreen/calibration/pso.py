@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from tqdm import tqdm
 
 from errorscreen._runtime.sampling import generator, latin_hypercube
-from errorscreen.calibration.base import BaseCalibrator
+from errorscreen.calibration.base import BaseCalibrator, by_column
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.calibration.swarm import ParticleSwarm
 from errorscreen.exceptions import check_integer, check_real
@@ -20,8 +20,8 @@ from errorscreen.simulators.base import Simulator
 class PSOCalibrator(BaseCalibrator):
     """Minimise J, equation (24), over the selected parameters with a particle swarm.
 
-    One particle starts at the nominal values, so the result is never worse than the simulator as it was; the
-    others start at a Latin hypercube inside the bounds. Each iteration is one simulate call for each event.
+    One particle starts at the nominal values, so the result is never worse than the nominal simulator; the others start
+    at a Latin hypercube inside the bounds. Each iteration is one simulate call for each event.
 
     Parameters
     ----------
@@ -31,12 +31,8 @@ class PSOCalibrator(BaseCalibrator):
     n_particles : int, default 30
     n_iterations : int, default 80
         Largest number of iterations.
-    inertia : float, default 0.7298
-        Inertia weight w.
-    cognitive, social : float, default 1.4962
-        Learning factors c₁ and c₂.
-    max_velocity : float, default 0.5
-        Largest step in one parameter, as a share of its range.
+    inertia, cognitive, social, max_velocity : float
+        See `ParticleSwarm`.
     weights : array-like of shape (R,), optional
         λ of the channels; 1/R each where not given.
     patience : int, optional
@@ -49,7 +45,7 @@ class PSOCalibrator(BaseCalibrator):
 
     Attributes
     ----------
-    theta_, names_, values_, simulator_, n_simulations_, n_failed_
+    theta_, names_, values_, simulator_, observations_, n_simulations_, n_failed_
         See `BaseCalibrator`.
     objective_ : float
         J of the calibrated simulator on the fitted recordings.
@@ -104,13 +100,7 @@ class PSOCalibrator(BaseCalibrator):
     def fit(self, X: Any, y: None = None) -> PSOCalibrator:
         """Calibrate on one recording, or on several together.
 
-        An interrupted fit (Ctrl-C) keeps the best values so far in the fitted attributes.
-
-        Parameters
-        ----------
-        X : Observation, or anything ``simulator.observe`` takes, or a list of them
-        y : None
-            Not used, present for scikit-learn.
+        An interrupted fit (Ctrl-C) keeps the best values so far. See `BaseCalibrator.fit` for the arguments.
 
         Raises
         ------
@@ -124,7 +114,7 @@ class PSOCalibrator(BaseCalibrator):
         patience = n_iterations if self.patience is None else check_integer(self.patience, "patience")
         tol = check_real(self.tol, "tol", low=0.0)
         swarm = self._swarm(problem)
-        history: list[tuple[float, int, int]] = []
+        history: list[tuple[float, ...]] = []
         try:
             for _ in tqdm(range(n_iterations), desc="swarm", disable=not self.progress):
                 losses = problem.objective(swarm.ask(), self.weights)
@@ -136,8 +126,7 @@ class PSOCalibrator(BaseCalibrator):
             if np.isfinite(swarm.best_value):
                 self._store(problem, swarm.best_position)
                 self.objective_ = swarm.best_value
-                columns = np.array(history, dtype=float).reshape(-1, 3).T
-                self.history_ = dict(zip(("objective", "simulations", "failed"), columns, strict=True))
+                self.history_ = by_column(("objective", "simulations", "failed"), history)
         if not np.isfinite(swarm.best_value):
             raise problem.no_success()
         return self
@@ -155,6 +144,9 @@ class PSOCalibrator(BaseCalibrator):
             max_velocity=self.max_velocity,
             random_state=rng,
         )
+
+    def _facts(self) -> dict[str, Any]:
+        return super()._facts() | ({"J": f"{self.objective_:.4g}"} if hasattr(self, "objective_") else {})
 
     def _score_weights(self) -> ArrayLike | None:
         return self.weights

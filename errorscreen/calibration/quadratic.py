@@ -10,13 +10,12 @@ from scipy.optimize import lsq_linear
 
 from errorscreen.exceptions import InputError
 
-#: guesses of what lies at a bound that may pass without fewer wrong ones than ever before, until one is changed at a
-#: time; and guesses for each of k numbers, before another algorithm takes over
-_PATIENCE, _GUESSES = 3, 10
-#: of that algorithm: iterations for each of k numbers, and the relative decrease of the cost at which it may stop. The
-#: cost holds a constant that hides any decrease where A is nearly singular, so it goes on until nothing is wrong
+#: rounds without progress before one guess is changed at a time; rounds for each of k numbers before the fallback
+_PATIENCE, _ROUNDS = 3, 10
+#: fallback: iterations for each of k numbers, and the relative decrease of the cost at which it stops. The cost holds a
+#: constant that hides any decrease where A is nearly singular, so it goes on until nothing is wrong
 _ITERATIONS, _DECREASE = 100, 1e-300
-#: how guessing ended
+#: ends of the active set method
 _FOUND, _NOT_FOUND, _INDEFINITE = 0, 1, 2
 
 _Array = NDArray[np.float64]
@@ -43,7 +42,7 @@ def bounded_minimum(matrix: ArrayLike, slope: ArrayLike, lower: ArrayLike, upper
     numpy.linalg.LinAlgError
         If A is not positive definite, or A or g are not finite.
     InputError
-        If shapes do not fit: compiled code looks for no end of an array.
+        If shapes do not fit.
 
     Examples
     --------
@@ -58,25 +57,20 @@ def damped_minima(
 ) -> _Array:
     r"""Minimisers of :math:`\tfrac12 d^T (A + \lambda_i I) d + g^T d` inside bounds, for several :math:`\lambda_i`.
 
-    An infeasible active set method: what would leave a bound is put there, what is pulled inwards from one is let go,
-    all at once, until nothing changes (K. Kunisch and F. Rendl, "An infeasible active set method for quadratic
-    problems with simple bounds", *SIAM Journal on Optimization* 14(1), 2003). That is exact, and takes a few
-    factorisations of the free part of A. It may cycle; then only the last one of what is wrong is changed, until less
-    is wrong than ever before (J. J. Júdice and F. M. Pires, "A block principal pivoting algorithm for large-scale
-    strictly monotone linear complementarity problems", *Computers & Operations Research* 21(5), 1994). Where ten
-    guesses for each number are not enough, as where rounding leaves it open on which side of a bound something lies,
-    `scipy.optimize.lsq_linear` takes over.
+    An infeasible active set method guesses which numbers lie at a bound, solves for the others, and corrects all wrong
+    guesses at once until none is left (K. Kunisch and F. Rendl, "An infeasible active set method for quadratic problems
+    with simple bounds", *SIAM Journal on Optimization* 14(1), 2003). That is exact, and takes a few factorisations of
+    the free part of A. It may cycle; then only the last wrong guess is corrected, until fewer are wrong than before
+    (J. J. Júdice and F. M. Pires, "A block principal pivoting algorithm for large-scale strictly monotone linear
+    complementarity problems", *Computers & Operations Research* 21(5), 1994). If ten rounds for each number are not
+    enough, as where rounding leaves a side open, `scipy.optimize.lsq_linear` takes over.
 
     Parameters
     ----------
-    matrix : array-like of shape (k, k)
-        A.
-    slope : array-like of shape (k,)
-        g.
-    lower, upper : array-like of shape (k,)
+    matrix, slope, lower, upper
+        See `bounded_minimum`.
     dampings : array-like of shape (n,)
-        In an order in which similar ones follow each other: what lies at a bound at one minimum is put there first at
-        the next.
+        Similar values in a row: each minimum starts from the bounds of the one before.
 
     Returns
     -------
@@ -85,7 +79,7 @@ def damped_minima(
     Raises
     ------
     numpy.linalg.LinAlgError, InputError
-        See `bounded_minimum`. Only the part of a matrix that is free at some guess is seen not to be positive definite.
+        See `bounded_minimum`. Only parts of A that were free at some round are checked.
 
     Examples
     --------
@@ -101,7 +95,7 @@ def damped_minima(
     d = np.full((len(added), len(g)), np.nan)
     found = 0
     while True:
-        found, end = _minima(A, g, low, high, added, found, d, _PATIENCE, _GUESSES * max(1, len(g)))
+        found, end = _minima(A, g, low, high, added, found, d, _PATIENCE, _ROUNDS * max(1, len(g)))
         if end == _INDEFINITE:
             raise np.linalg.LinAlgError("the matrix is not positive definite, or something is not finite")
         if end == _FOUND:
@@ -127,9 +121,9 @@ def _minima(
     patience: int,
     most: int,
 ) -> tuple[int, int]:
-    """Write the minima from number `first` on to d (n, k); how many there are then, and how guessing ended.
+    """Write the minima from number `first` on to d (n, k); return how many are found, and how the last one ended.
 
-    It ends with the first that is not found. In one call, because handing over the interpreter's lock takes longer.
+    All in one call, because handing over the interpreter's lock takes longer.
     """
     damped = A.copy()
     for number in range(first, len(added)):
@@ -154,10 +148,10 @@ def _active_set(
     patience: int,
     most: int,
 ) -> int:
-    """Guess what lies at a bound until nothing changes, and say how that ended; d and side are changed.
+    """Write one minimum to d (k,) and return how that ended.
 
-    `side` is -1 for what lies at its lower bound, 1 at its upper one, 0 for what is free. Written out, because the
-    systems are so small that what a library does around solving them takes ten times as long.
+    `side` is -1 for a number at its lower bound, 1 at its upper one, 0 if free; it is changed. Written out, because the
+    systems are so small that the overhead of a library takes ten times as long.
     """
     k = len(g)
     free, new, L, x = np.empty(k, np.int64), np.empty(k, np.int64), np.empty((k, k)), np.empty(k)

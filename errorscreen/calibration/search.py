@@ -14,26 +14,24 @@ from scipy.linalg import solve_triangular
 from errorscreen._runtime.sampling import generator
 from errorscreen.calibration.quadratic import damped_minima
 
-#: damping values tried in one batch, relative to the one that worked last
+#: damping values of one batch, relative to the last one that worked
 _DAMPINGS = 10.0 ** np.arange(-3, 4)
 _FIRST_DAMPING, _LARGEST_DAMPING, _SMALLEST_DAMPING = 0.1, 1e6, 1e-9
 #: keeps the normal matrix of an undamped step positive definite in floating point
 _JITTER = 1e-12
-#: a decrease below this share of what counts as converged is no progress
+#: a decrease below this share of the tolerance is no progress
 _NO_PROGRESS = 1e-2
-#: such a share of what a fit leaves beyond noise counts as one standard deviation of one parameter, where it is more
+#: share of the χ² beyond noise that counts as one standard deviation of one parameter, where it is larger
 _BEYOND = 0.1
-#: shares of a step that follows the prior, of which the best is taken, and how many such steps
-_SHARES, _PRIOR_STEPS = (1.0, 0.5, 0.25, 0.125), 3
-#: by what square such a step minds what it changes in the residuals more than the objective does
-_MIND = 100.0
+#: steps along the prior: shares that are tried, most steps, and inverse weight of the residuals in them
+_SHARES, _PRIOR_STEPS, _PRIOR_WEIGHT = (1.0, 0.5, 0.25, 0.125), 3, 100.0
 
 _Array = NDArray[np.float64]
 
 
 @dataclass
 class Track:
-    """One start and where it has got to.
+    """One start and its current point.
 
     Attributes
     ----------
@@ -45,17 +43,17 @@ class Track:
     jacobian : ndarray of shape (N, k) or None
         Of the residuals at `u`; None where the position is newer.
     latest : ndarray of shape (N, k) or None
-        The Jacobian that was taken last, be it at an earlier position.
+        The last Jacobian, possibly of an earlier position.
     central : bool
-        Whether it is taken by central differences.
+        Whether differences are central.
     damping : float
-        The value that worked last.
+        The last value that worked.
     promise : float
-        How much the undamped linear model would lower the objective from where the Jacobian was taken.
+        Decrease of the objective that the undamped linear model promised at the last Jacobian.
     state : str
-        ``"active"``; ``"converged"``; ``"kink"`` if no step lowers the objective by enough, see `tol` of
-        `BoundedSearch`, although the linear model promises it, but by less than one standard deviation, as happens
-        where a limiter begins to act; ``"stalled"`` if it promises more.
+        ``"active"``, ``"converged"``; ``"kink"`` if no step lowers the objective by enough although the linear model
+        promises it, but by less than one standard deviation, as where a limiter begins to act; ``"stalled"`` if it
+        promises more.
     """
 
     u: _Array
@@ -72,20 +70,17 @@ class Track:
 class BoundedSearch:
     r"""Minimise :math:`\sum z_i(u)^2 + \sum (u_j / s)^2` inside bounds, from several starts in lockstep.
 
-    With `tilt` a linear term joins it.
+    Each iteration evaluates two batches for all starts together: the differences of the residuals z, and one trial
+    point for each of seven damping values. A step is the exact minimiser of the damped linear model inside the bounds
+    (`damped_minima`), with the normal matrix scaled to unit diagonal; a clipped Levenberg–Marquardt step would get
+    stuck as soon as a bound is active. `tilt` adds a linear term to the objective.
 
-    Each iteration evaluates two batches for all starts together: the differences of the residuals z, and one
-    trial point for each of seven damping values. A step is the exact minimiser of the damped linear
-    model inside the bounds (`damped_minima`), with the normal matrix scaled to unit diagonal and damped. A clipped
-    Levenberg–Marquardt step is not: it gets stuck as soon as a bound is active.
+    Differences are one-sided, which takes half the evaluations, until they lead no further, and central from there on:
+    where a limiter begins to act, the slope of one side promises a descent that no step keeps, or hides one on the
+    other side.
 
-    Differences are one-sided, which takes half the evaluations, until they lead no further, and central from
-    there on: where a limiter begins to act, the slope of one side promises what no step keeps, or hides a
-    descent on the other.
-
-    A residual vector that is NaN marks a failed evaluation. A trial point that failed is not taken; a
-    central difference is taken from the side that worked, and a parameter with no side that works counts as
-    without effect in that iteration.
+    NaN residuals mark a failed evaluation. A failed trial point is not taken; a central difference uses the side that
+    worked, and a parameter with no such side counts as without effect in that iteration.
 
     Parameters
     ----------
@@ -96,19 +91,18 @@ class BoundedSearch:
         Standard deviation s of the Gaussian prior of each u around 0.
     tol : float
         Converged where the undamped step inside the bounds promises to lower the objective by less than
-        ``tol * max(1, χ²/N, (χ² - N) / 10)``. A decrease by 1 is one standard deviation of one parameter, if only noise
-        is left. What else is left is smooth, and a standard deviation is larger then (`noise_inflation`): by default
-        less than a thousandth of it is not pursued, neither for a promise nor step by step.
+        ``tol * max(1, χ²/N, (χ² - N) / 10)``. If only noise is left, a decrease by 1 is one standard deviation of one
+        parameter. Residuals beyond noise are smooth, and a standard deviation is larger then (`noise_inflation`).
     step : float
         Step of the differences in u.
     central : bool
-        Whether differences become central at the end. Where a start need not come to its very minimum they need not.
+        Whether differences become central at the end.
 
     Attributes
     ----------
     tracks : list of Track
     slope : ndarray of shape (k,)
-        Of the linear function of u that is subtracted; 0 to begin with.
+        Of the linear function of u that `tilt` subtracts.
 
     Examples
     --------
@@ -138,7 +132,7 @@ class BoundedSearch:
         self.tracks: list[Track] = []
 
     def begin(self, starts: ArrayLike) -> None:
-        """Evaluate starts (s, k) and add them to the tracks; those that fail are left out."""
+        """Evaluate starts (s, k) and add those that do not fail to the tracks."""
         u = np.clip(np.atleast_2d(np.asarray(starts, dtype=float)), self._lower, self._upper)
         z = self._residuals(u)
         costs = self._costs(u, z)
@@ -152,7 +146,7 @@ class BoundedSearch:
 
     @property
     def untilted(self) -> float:
-        """Objective of the best track without the linear function of `tilt`."""
+        """Objective of the best track without the linear term of `tilt`."""
         return float(self.best.cost + self.best.u @ self.slope)
 
     def tilt(self, slope: ArrayLike) -> None:
@@ -174,7 +168,7 @@ class BoundedSearch:
         for track in active:
             A, g = self.normal_equations(track)
             track.promise = self._promise(track, A, g)
-            if track.promise < self._tol * max(self._unit(track), self._beyond(track)):
+            if track.promise < self._enough(track):
                 self._stop(track, "converged")
             else:
                 going_on.append((track, A, g))
@@ -183,28 +177,22 @@ class BoundedSearch:
         return bool(self._active())
 
     def differentiate(self, tracks: list[Track]) -> None:
-        """Give each track its Jacobian by central differences, where it has none."""
+        """Give each track a Jacobian by central differences."""
         for track in tracks:
             if not track.central:
                 track.central, track.jacobian = True, None
         self._differentiate(tracks)
 
     def follow_prior(self, track: Track) -> None:
-        """Move a track along what its residuals do not tell, to where the prior wants it.
+        """Move a track towards the prior's mean in directions that hardly change its residuals.
 
-        Where more than noise is left, what the prior promises is less than what is pursued, and no step keeps what the
-        linear model promises where limiters act. So a search ends anywhere on a ridge: a dead band of which only one
-        side acted has its other side where the start had it. A step that follows the prior goes where it is
-        highest among what changes next to nothing in the residuals, as if their gradient were zero.
-
-        Parameters
-        ----------
-        track : Track
-            Keeps its state, and its Jacobian by central differences where it stays.
+        Where limiters act, or more than noise is left, a search ends anywhere on a ridge: a dead band of which one side
+        acted keeps the start's value on the other. The track keeps its state, and gets a Jacobian by central
+        differences.
         """
         for _ in range(_PRIOR_STEPS):
             self.differentiate([track])
-            A, _ = self.normal_equations(track, 1.0 / _MIND)
+            A, _ = self.normal_equations(track, 1.0 / _PRIOR_WEIGHT)
             step = self._minima(track, A, track.u / self._prior**2, [0.0])[0]
             moved = np.clip(track.u + np.outer(_SHARES, step), self._lower, self._upper)
             wanted = (track.u @ track.u - moved[0] @ moved[0]) / self._prior**2
@@ -213,7 +201,7 @@ class BoundedSearch:
             z = self._residuals(moved)
             costs = self._costs(moved, z)
             told = (z**2).sum(axis=1) - track.residuals @ track.residuals
-            costs[~(told < self._tol * max(self._unit(track), self._beyond(track)))] = np.inf
+            costs[~(told < self._enough(track))] = np.inf
             best = int(costs.argmin())
             if not track.cost - costs[best] > self._tol:
                 break
@@ -222,7 +210,7 @@ class BoundedSearch:
         self.differentiate([track])
 
     def _differentiate(self, tracks: list[Track]) -> None:
-        """Give each track its Jacobian, where it has none: all differences in one batch."""
+        """Give each track a Jacobian if it has none; all differences are one batch."""
         tracks = [track for track in tracks if track.jacobian is None]
         if not tracks:
             return
@@ -234,7 +222,7 @@ class BoundedSearch:
             failed = np.asarray(np.isnan(values).any(axis=-1))
             end = np.where(failed, track.u, end)
             values = np.where(failed[..., None], track.residuals, values)
-            # the other end of a one-sided difference is where the track is
+            # the other end of a one-sided difference is the track itself
             other, there = (end[1], values[1]) if track.central else (track.u, track.residuals)
             width = end[0] - other
             track.jacobian = track.latest = (
@@ -249,7 +237,7 @@ class BoundedSearch:
         return np.clip([track.u + inwards], self._lower, self._upper)
 
     def _stop(self, track: Track, state: str) -> None:
-        """End a track, or let it go on with central differences where it had one-sided ones."""
+        """End a track, or continue with central differences after one-sided ones."""
         if track.central or not self._central:
             track.state = state
         else:
@@ -257,10 +245,7 @@ class BoundedSearch:
             track.damping = min(track.damping, _FIRST_DAMPING)
 
     def normal_equations(self, track: Track, inflation: float = 1.0) -> tuple[_Array, _Array]:
-        """Half the Gauss-Newton Hessian (k, k) and half the gradient (k,) of the objective.
-
-        With `inflation` those for residuals whose variance is so many times larger, see `noise_inflation`.
-        """
+        """Half the Gauss-Newton Hessian (k, k) and half the gradient (k,); for `inflation` see `noise_inflation`."""
         assert track.jacobian is not None
         J = track.jacobian
         A = J.T @ J / inflation + np.eye(len(track.u)) / self._prior**2
@@ -268,23 +253,14 @@ class BoundedSearch:
         return A, g
 
     def scattered(self, track: Track, widths: ArrayLike, random_state: Any = None) -> _Array:
-        """Points inside the bounds that scatter around a track as far as its latest linearisation leaves it free.
+        """Points (n, k) inside the bounds that scatter around a track as its linear model allows.
 
-        Parameters
-        ----------
-        track : Track
-            Has been moved, or differentiated.
-        widths : array-like of shape (n,)
-            In standard deviations of the posterior distribution of the linear model.
-        random_state : None, int, SeedSequence, Generator or RandomState
-
-        Returns
-        -------
-        ndarray of shape (n, k)
+        `widths` (n,) are in standard deviations of the posterior of the latest linear model. The track has been moved
+        or differentiated.
         """
         assert track.latest is not None
         w = np.asarray(widths, dtype=float)[:, None]
-        # not from the square of the Jacobian, of which rounding leaves nothing definite where a model nearly diverges
+        # not from J'J: where a model nearly diverges, rounding leaves it indefinite
         factor = np.linalg.qr(np.vstack([track.latest, np.eye(len(track.u)) / self._prior]), mode="r")
         draws = generator(random_state).standard_normal((len(w), len(track.u)))
         return np.clip(track.u + w * solve_triangular(factor, draws.T).T, self._lower, self._upper)
@@ -299,12 +275,13 @@ class BoundedSearch:
         """Decrease of the objective that is one standard deviation of one parameter."""
         return max(1.0, float(np.mean(track.residuals**2)))
 
-    def _beyond(self, track: Track) -> float:
-        """The same where more than noise is left; negative where less is."""
-        return _BEYOND * float(track.residuals @ track.residuals - len(track.residuals))
+    def _enough(self, track: Track, share: float = 1.0) -> float:
+        """Smallest decrease of the objective that counts, see `tol`."""
+        beyond = _BEYOND * float(track.residuals @ track.residuals - len(track.residuals))
+        return self._tol * max(share * self._unit(track), beyond)
 
     def promise(self, track: Track) -> float:
-        """How much the undamped linear model would lower the objective."""
+        """Decrease of the objective that the undamped linear model promises."""
         return self._promise(track, *self.normal_equations(track))
 
     def _promise(self, track: Track, A: _Array, g: _Array) -> float:
@@ -312,14 +289,14 @@ class BoundedSearch:
         return float(-(2 * g @ d + d @ A @ d))
 
     def _minima(self, track: Track, A: _Array, g: _Array, dampings: ArrayLike) -> _Array:
-        """Minimiser of a damped quadratic function of the step inside the bounds for each damping value, (7, k)."""
+        """Minimisers (n, k) of the damped linear model inside the bounds, for damping values (n,)."""
         scale = np.sqrt(np.diag(A))
         A, g = A / np.outer(scale, scale), g / scale
         low, high = (self._lower - track.u) * scale, (self._upper - track.u) * scale
         return damped_minima(A, g, low, high, np.asarray(dampings, dtype=float) + _JITTER) / scale
 
     def _try_steps(self, systems: list[tuple[Track, _Array, _Array]]) -> None:
-        """Evaluate all damping values of all tracks in one batch, with their equations, and take the best of each."""
+        """Evaluate all damping values of all tracks in one batch, and take the best of each track."""
         tracks = [track for track, *_ in systems]
         dampings = np.array([track.damping * _DAMPINGS for track in tracks])
         steps = np.array([self._minima(*system, d) for system, d in zip(systems, dampings, strict=True)])
@@ -337,12 +314,12 @@ class BoundedSearch:
             elif track.damping < _LARGEST_DAMPING:
                 track.damping *= _DAMPINGS[-1] / _DAMPINGS[0] * 10  # the next seven lie above all of these
                 continue
-            if gain < self._tol * max(_NO_PROGRESS * self._unit(track), self._beyond(track)):
+            if gain < self._enough(track, _NO_PROGRESS):
                 self._stop(track, "kink" if track.promise < self._unit(track) else "stalled")
 
 
 def _moved(u: _Array, ends: _Array) -> _Array:
-    """Points (s * k, k) with one parameter at a time at its end (s, k), all others as they are."""
+    """Points (s * k, k) with one parameter at a time at its end (s, k)."""
     points = np.tile(u, (*ends.shape, 1))
     diagonal = np.arange(len(u))
     points[:, diagonal, diagonal] = ends

@@ -19,10 +19,9 @@ class ParticleSwarm:
     .. math::
         v \leftarrow w v + c_1 r_1 (p - x) + c_2 r_2 (g - x), \qquad x \leftarrow x + v
 
-    with the particle's own best position p, the swarm's g, and uniform random numbers r₁, r₂ for each
-    particle and parameter (Shi and Eberhart 1998). A particle that would leave the bounds is put on the bound
-    and loses that component of its velocity ("absorbing walls", Robinson and Rahmat-Samii 2004). Velocities
-    start at 0 (Engelbrecht 2012).
+    with the particle's own best position p, the swarm's g, and uniform random numbers r₁, r₂ for each particle and
+    parameter (Shi and Eberhart 1998). A particle that would leave the bounds is put on the bound and loses that
+    component of its velocity (Robinson and Rahmat-Samii 2004). Velocities start at 0 (Engelbrecht 2012).
 
     Parameters
     ----------
@@ -40,9 +39,9 @@ class ParticleSwarm:
     Attributes
     ----------
     best_position : ndarray of shape (k,)
-        Best position so far; the first particle's start as long as no evaluation succeeded.
+        Best position so far, at first the start of the first particle.
     best_value : float
-        Its value; inf as long as no evaluation succeeded.
+        Its value; inf before an evaluation succeeded.
 
     Raises
     ------
@@ -126,7 +125,7 @@ class ParticleSwarm:
 
     @property
     def best_value(self) -> float:
-        """Value of the best position; inf as long as no evaluation succeeded."""
+        """Value of the best position; inf before an evaluation succeeded."""
         return float(self._p_values.min())
 
     def _scaled(self, x: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""Samples of a normal distribution that is cut off at bounds: what a fit leaves open, bounds included."""
+"""Samples of a normal distribution that is cut off at bounds."""
 
 from __future__ import annotations
 
@@ -31,10 +31,9 @@ def sample_truncated_normal(
 ) -> _Array:
     r"""Draw from :math:`N(\mu, P^{-1})` inside the box :math:`l \le x \le u`.
 
-    Gibbs sampling, in turn along the eigenvectors of the precision matrix and along the axes. Along each direction the
-    density inside the box is a normal distribution in one dimension cut off at both ends, which is drawn from exactly.
-    Without the box the eigenvectors are independent, so a long and thin distribution is crossed at once; in a corner
-    of the box they lead nowhere, and the axes lead out of it.
+    Gibbs sampling, in turn along the eigenvectors of the precision matrix and along the axes. Along a direction the
+    density is a normal distribution cut off at both ends, which is drawn exactly. The eigenvectors cross a long and
+    thin distribution at once; the axes lead out of a corner of the box.
 
     Parameters
     ----------
@@ -47,7 +46,7 @@ def sample_truncated_normal(
     n : int
         Number of samples. They come from 64 chains.
     start : array-like of shape (k,), optional
-        Where the chains start, best a point of high density; the mean, moved into the box, where not given.
+        Start of the chains, best a point of high density; the mean, moved into the box, where not given.
     random_state : None, int, SeedSequence, Generator or RandomState
 
     Returns

@@ -30,7 +30,8 @@ from errorscreen.discovery.diagnosis import (
     HypothesisFit,
     simulated,
 )
-from errorscreen.discovery.fits.hypotheses import PRIOR, Hypothesis, candidates, parameters_only
+from errorscreen.discovery.fits.candidates import candidates
+from errorscreen.discovery.fits.hypotheses import PRIOR, Hypothesis, parameters_only
 from errorscreen.discovery.judge.errors import ModelFit
 from errorscreen.discovery.judge.gain import Gain, measure_gain
 from errorscreen.discovery.judge.profiles import with_profiles
@@ -211,7 +212,6 @@ class CauseFinder(BaseEstimator):
             n_draws=self.n_draws,
             significance=self.significance,
             seed=self._seed,
-            tell=_log.info,
             journal=self._journal,
         )
         self.n_simulations_ += problem.n_simulations
@@ -223,7 +223,7 @@ class CauseFinder(BaseEstimator):
             self.tried_ = tuple(effect.name for effect in library)
             found.run(library)
         elif not self._nothing_to_explain:
-            found.rest()
+            found.improve_base()
         self._base = base = found.base
         if base is not first:  # a better minimum, or a smaller step
             self.calibrator_ = self._calibrate(base.observations, base)

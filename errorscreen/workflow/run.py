@@ -251,9 +251,7 @@ def _first_look(study: Study, store: Store) -> tuple[Contribution, ...]:
             .ranked_
         )
 
-    return _kept(
-        store.under(study.fingerprint("diagnosis")), "first-look", tuple[Contribution, ...], look
-    )
+    return _kept(store.under(study.fingerprint("diagnosis")), "first-look", tuple[Contribution, ...], look)
 
 
 def _diagnosed(study: Study, store: Store) -> Diagnosis:

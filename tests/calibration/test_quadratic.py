@@ -30,7 +30,7 @@ def drawn(seed, k, damping):
 def test_the_minimum_inside_bounds_meets_the_optimality_conditions(seed, k, damping, patience, guesses):
     A, g, low, high = drawn(seed, k, damping)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "_GUESSES", guesses)
+        patch.setattr(module, "_ROUNDS", guesses)
         patch.setattr(module, "_PATIENCE", patience)
         d = bounded_minimum(A, g, low, high)
     assert np.all((low <= d) & (d <= high))
@@ -68,7 +68,7 @@ def test_what_takes_over_finds_the_minimum_of_a_nearly_singular_function(monkeyp
         low, high = -rng.uniform(0.1, 2, k), rng.uniform(0.1, 2, k)
         values = []
         for guesses in (300, 0):
-            monkeypatch.setattr(module, "_GUESSES", guesses)
+            monkeypatch.setattr(module, "_ROUNDS", guesses)
             d = bounded_minimum(A, g, low, high)
             values.append(0.5 * d @ A @ d + g @ d)
         assert values[1] == pytest.approx(values[0], rel=1e-9)

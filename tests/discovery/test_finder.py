@@ -274,7 +274,7 @@ def test_two_effects_are_not_named_because_one_of_them_was_stuck():
 
 
 def test_where_parameters_have_not_come_to_rest_nothing_is_named(crease, monkeypatch):
-    monkeypatch.setattr(refinement, "_RESTS", 0)
+    monkeypatch.setattr(refinement, "_RESTARTS", 0)
     model, observation = crease
     finder = CauseFinder(model, ["offset_u"], library_size=16, n_starts=1, random_state=0).fit(observation)
     assert [(c.name, c.probability) for c in finder.causes_] == [("unknown", 1.0)]

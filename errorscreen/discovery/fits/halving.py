@@ -1,4 +1,4 @@
-"""Fits side by side: what cannot be simulated drops out, and what is far behind is not led to its end."""
+"""Many fits in parallel: those that cannot be simulated drop out, and those that fall far behind stop early."""
 
 from __future__ import annotations
 
@@ -14,27 +14,26 @@ from errorscreen.exceptions import SimulationError
 _T = TypeVar("_T")
 
 
-def attempted(calls: Iterable[Callable[[], _T]], threads: int) -> list[_T | None]:
-    """Results of some calls, made side by side in so many threads; None for each that cannot be simulated."""
-    return parallel_map([partial(_attempted, call) for call in calls], threads)
+def try_all(calls: Iterable[Callable[[], _T]], threads: int) -> list[_T | None]:
+    """Results of calls made in parallel threads; None for each that raises `SimulationError`."""
+
+    def attempt(call: Callable[[], _T]) -> _T | None:
+        with contextlib.suppress(SimulationError):
+            return call()
+        return None
+
+    return parallel_map([partial(attempt, call) for call in calls], threads)
 
 
-def _attempted(call: Callable[[], _T]) -> _T | None:
-    with contextlib.suppress(SimulationError):
-        return call()
-    return None
+def fit_to_end(fits: Iterable[JointFit | None], threads: int) -> list[JointFit]:
+    """Continue fits in parallel; stop those that have ended, or are too far above the best to reach it.
 
-
-def race(fits: Iterable[JointFit | None], threads: int) -> list[JointFit]:
-    """Go on with begun fits side by side, without those that have come to rest far above the best.
-
-    Those that could not begin (None, see `attempted`) are left out.
+    A fit that could not begin (None, see `try_all`) is left out.
     """
-    begun = [fit for fit in fits if fit is not None]
-    running = begun
+    started = [fit for fit in fits if fit is not None]
+    running = started
     for _ in range(SLICES):
-        active = [partial(fit.run, SLICE) for fit in running if fit.active]
-        running = parallel_map(active, threads)
-        best = min((fit.objective for fit in begun), default=0.0)
+        running = parallel_map([partial(fit.run, SLICE) for fit in running if fit.active], threads)
+        best = min((fit.objective for fit in started), default=0.0)
         running = [fit for fit in running if fit.may_reach(best)]
-    return begun
+    return started

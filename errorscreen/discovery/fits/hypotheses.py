@@ -1,24 +1,25 @@
-r"""Hypotheses about what a model lacks, each fitted to the recordings, and how probable each is.
+r"""Joint fits of all parameters and some effects, and the evidence of each.
 
-A hypothesis is the model with no, one or several effects of its library; all parameters are fitted together with those
-of the effects. Its evidence is Laplace's approximation of the marginal likelihood at the most probable values,
+A hypothesis is the model with none, one or several effects of its library. All parameters are fitted together with
+those of the effects. The evidence is Laplace's approximation of the marginal likelihood at the most probable values,
 
 .. math:: \ln Z = -\tfrac12 \Big(\chi^2 + \sum_j u_j^2/s^2\Big) - \tfrac12 \ln\det(I + s^2 J^T J)            \qquad (D1)
 
 with deviations u in multiples of each parameter's scale, their prior standard deviation s and the sensitivities J of
-the residuals (D. J. C. MacKay, *Information Theory, Inference, and Learning Algorithms*, 2003, section 28.1). Its
-second term is what BIC counts as :math:`\tfrac12 k \ln N`, but only for directions that the recordings determine.
+the residuals (D. J. C. MacKay, *Information Theory, Inference, and Learning Algorithms*, 2003, section 28.1). The
+second term is the :math:`\tfrac12 k \ln N` of BIC, but only for directions that the recordings determine.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from errorscreen._runtime.display import Displayed
 from errorscreen.calibration.attenuation import bias_corrected, noise_slope
 from errorscreen.calibration.intervals import posterior_covariance
 from errorscreen.calibration.problem import FitProblem
@@ -26,36 +27,36 @@ from errorscreen.calibration.search import BoundedSearch, Track
 from errorscreen.data.observations import Observation
 from errorscreen.discovery.fits.noise import inflation_of
 from errorscreen.effects.base import Effect
-from errorscreen.events import Event
 from errorscreen.simulators.base import Simulator
 from errorscreen.simulators.plant.injection_noise import typical
 
-#: standard deviation of the prior in multiples of each parameter's scale, as `MAPCalibrator` has it by default
+#: standard deviation of the prior in multiples of each parameter's scale, the default of `MAPCalibrator`
 PRIOR = 0.3
 _TOL, _STEP = 1e-2, 1e-4
-#: iterations at a time, and how many times a fit goes on for so many
+#: iterations of a slice, and slices of a whole fit
 SLICE, SLICES = 5, 6
 #: iterations with the problem's own step after those with a longer one
 _EXACT = 10
+#: states of a fit at a minimum
 _ENDED = ("converged", "kink")
-#: state of a fit from which no start around it leads lower, although the linear model promises that
+#: state of a fit that stalled, although no start around it leads lower
 CORNER = "corner"
-#: a joint fit goes on while its distance from the best is less than so many times what it gained last
+#: a joint fit continues while its distance from the best is less than so many times its last gain
 HOPE = 20.0
-#: noise never counts for less than this part of what was counted: a level from an energy may come out too low
+#: least noise level in multiples of the one that was counted: an estimate from an energy may come out too low
 _LEAST_LEVEL = 0.1
 
 _Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Hypothesis:
+class Hypothesis(Displayed):
     """A model with some effects, fitted to the recordings.
 
     Parameters
     ----------
     effects : tuple of Effect
-        None: only the parameters deviate.
+        Empty: only the parameters deviate.
     simulator : Simulator
         With the effects; its nominal values are those before the fit.
     observations : tuple of Observation
@@ -66,7 +67,7 @@ class Hypothesis:
     chi2 : float
         χ² less the noise of injected signals that passes beyond what was counted, see `propagated`.
     objective : float
-        χ² with the prior's term, as low as the search has come.
+        Lowest χ² with the prior's term that the search has reached.
     evidence : float
         (D1).
     residuals : ndarray of shape (N,)
@@ -77,11 +78,11 @@ class Hypothesis:
     free : ndarray of shape (k,), bool
         Parameters that do not lie at a bound.
     slope : ndarray of shape (k,)
-        By which χ² was taken to fall from letting less noise pass, see `errorscreen.calibration.attenuation`.
+        Noise-bias correction of χ², see `errorscreen.calibration.attenuation`.
     propagated : ndarray of shape (S,)
         Energy of noise that passes beyond what was counted, for each channel of each recording.
     state : str
-        How the best start ended, see `Track`; ``"corner"`` where starts around it have led no lower either.
+        How the best start ended, see `Track`; ``"corner"`` where starts around it led no lower either.
     """
 
     effects: tuple[Effect, ...]
@@ -92,13 +93,16 @@ class Hypothesis:
     chi2: float
     objective: float
     evidence: float
-    residuals: _Array = field(repr=False)
-    jacobian: _Array = field(repr=False)
-    u: _Array = field(repr=False)
-    free: NDArray[np.bool_] = field(repr=False)
-    slope: _Array = field(repr=False)
-    propagated: _Array = field(repr=False)
+    residuals: _Array
+    jacobian: _Array
+    u: _Array
+    free: NDArray[np.bool_]
+    slope: _Array
+    propagated: _Array
     state: str = "converged"
+
+    def _facts(self) -> dict[str, Any]:
+        return {"effects": self.name, "χ²/N": f"{self.chi2_per_sample:.4g}", "state": self.state}
 
     @property
     def name(self) -> str:
@@ -107,17 +111,17 @@ class Hypothesis:
 
     @property
     def converged(self) -> bool:
-        """Whether the search ended at a minimum."""
+        """Whether the search ended at a smooth minimum or a kink."""
         return self.state in _ENDED
 
     @property
     def ended(self) -> bool:
-        """Whether no step led lower by enough, be it at a minimum or where a kink or a jump is in the way."""
+        """Whether the search ended: at a minimum, or because no step led lower."""
         return self.state != "active"
 
     @property
     def at_rest(self) -> bool:
-        """Whether it is at a minimum: a smooth one, or a corner that nothing around it leads out of."""
+        """Whether it is at a minimum: a smooth one, a kink, or a corner that no start around it leads out of."""
         return self.converged or self.state == CORNER
 
     @property
@@ -127,12 +131,12 @@ class Hypothesis:
 
     @property
     def inflation(self) -> float:
-        """How much larger, and smoother, what is left is than noise, see `noise_inflation`."""
+        """How much larger and smoother the residuals are than noise, see `noise_inflation`."""
         return inflation_of(self.observations, self.residuals)
 
     @property
     def levels(self) -> list[_Array]:
-        """Level (R,) of what is noise in the residuals of each recording, in multiples of what was counted."""
+        """Noise level (R,) of each recording, in multiples of the one that was counted."""
         counts = [o.mask.sum(axis=1) for o in self.observations]
         parts = np.split(self.propagated, np.cumsum([len(n) for n in counts])[:-1])
         shares = [1.0 + p / np.maximum(n, 1) for p, n in zip(parts, counts, strict=True)]
@@ -140,12 +144,12 @@ class Hypothesis:
 
     @property
     def covariance(self) -> _Array:
-        """Posterior covariance (k, k) in units of the scales, of parameters inside their bounds; 0 for the others."""
+        """Posterior covariance (k, k) in units of the scales; 0 for parameters at a bound."""
         covariance = posterior_covariance(self.jacobian * self.free, PRIOR)
         return np.asarray(covariance * np.outer(self.free, self.free))
 
     def deviations(self, names: Sequence[str]) -> _Array:
-        """Fitted deviations of some parameters in multiples of their scales; 0 for those it does not have."""
+        """Fitted deviations of named parameters in multiples of their scales; 0 for unknown names."""
         found = dict(zip(self.names, self.u, strict=True))
         return np.array([found.get(name, 0.0) for name in names])
 
@@ -176,7 +180,7 @@ class Hypothesis:
 
 
 class JointFit:
-    """Fit of all parameters and those of some effects, which can be stopped and gone on with.
+    """Fit of all parameters and some effects that can be stopped and continued.
 
     Parameters
     ----------
@@ -186,9 +190,9 @@ class JointFit:
     starts : array-like of shape (s, k)
         Deviations from the nominal values in multiples of the scales.
     central : bool
-        See `BoundedSearch`; without, it has no `hypothesis`.
+        See `BoundedSearch`; `hypothesis` needs it.
     step : float, optional
-        Of the integration until `exact`, see `rough_step`; the problem's own where not given.
+        Integration step until `exact`, see `rough_step`; the problem's own where not given.
 
     Raises
     ------
@@ -205,10 +209,7 @@ class JointFit:
         step: float | None = None,
     ) -> None:
         self.effects, self.problem, self._step = tuple(effects), problem, step
-        self._search = _search(problem.with_step(step), central)
-        self._search.begin(starts)
-        if not self._search.tracks:
-            raise problem.no_success()
+        self._search = _search(problem.with_step(step), starts, central)
         self.gained = np.inf
 
     @property
@@ -218,11 +219,11 @@ class JointFit:
 
     @property
     def reached(self) -> _Array:
-        """Where all starts have got to (s, k), the best first."""
+        """Current points (s, k) of all starts, the best first."""
         return np.array([track.u for track in self._ordered])
 
     def scattered(self, widths: ArrayLike, random_state: Any = 0) -> _Array:
-        """Points (s, n, k) around where all starts have got to, the best first; for widths (n,) see (D6)."""
+        """Points (s, n, k) around the current ones, the best first; for widths (n,) see (D6)."""
         return np.array([self._search.scattered(track, widths, random_state) for track in self._ordered])
 
     @property
@@ -230,7 +231,7 @@ class JointFit:
         return sorted(self._search.tracks, key=lambda track: track.cost)
 
     def run(self, iterations: int) -> JointFit:
-        """Go on for so many iterations at most; `gained` is by how much they lowered the objective."""
+        """Continue for at most so many iterations; `gained` is the decrease of the objective."""
         before = self.objective
         for _ in range(iterations):
             if not self._search.iterate():
@@ -244,93 +245,49 @@ class JointFit:
         return any(track.state == "active" for track in self._search.tracks)
 
     def may_reach(self, objective: float) -> bool:
-        """Whether an objective is within reach, by what was gained last."""
+        """Whether an objective is within reach, judged by the last gain."""
         return self.objective - objective < HOPE * max(self.gained, 1.0)
 
     def pursue(self, objective: float) -> JointFit:
-        """Go on for up to six slices of five iterations, as long as an objective may be reached."""
+        """Continue for up to six slices, as long as an objective is within reach."""
         for _ in range(SLICES):
             if self.active and self.may_reach(objective):
                 self.run(SLICE)
         return self
 
     def exact(self) -> JointFit:
-        """Fit from the best that has been reached, with the problem's own step of the integration."""
+        """Fit from the best point, with the problem's own integration step."""
         if self._step is None:
             return self
         return JointFit(self.effects, self.problem, self.reached[0]).run(_EXACT)
 
     def keep(self, n: int) -> JointFit:
-        """Drop all but the best starts."""
+        """Drop all but the best n starts."""
         self._search.tracks = self._ordered[:n]
         return self
 
     def hypothesis(self, smooth: ArrayLike = True) -> Hypothesis:
-        """What has been reached, without the bias by noise of injected signals; for `smooth` see `bias_corrected`."""
+        """Hypothesis at the best point, with the noise-bias correction; for `smooth` see `bias_corrected`."""
         fit = self.exact()
         fit._search.follow_prior(fit._search.best)
         found = bias_corrected(fit._search, fit.problem, smooth)
-        return described(fit.effects, fit.problem, found, fit.objective)
-
-
-def candidates(
-    simulator: Simulator, observations: Sequence[Observation], names: Iterable[str] | None = None
-) -> list[Effect]:
-    """Effects to try: what belongs to one recording, an error of the event's record, is one for each of them.
-
-    An error of the record may also be the same in all of several recordings: a relay that is always late. Recordings
-    are told apart by the names of their events: what has the same name counts as the same. What the simulator has been
-    extended by is none of them.
-
-    Parameters
-    ----------
-    simulator : Simulator
-    observations : sequence of Observation
-    names : iterable of str, optional
-        All of the simulator's where not given.
-
-    Raises
-    ------
-    InputError
-        If one that is named is unknown, or the simulator has been extended by it.
-    """
-    events = {o.event.name: o.event for o in observations}
-    found: list[Effect] = []
-    for effect in simulator.effects_named(names):
-        if not effect.event_specific or effect.recording:
-            found.append(effect)
-            continue
-        happened = [name for name, event in events.items() if _applies(effect, event)]
-        if len(events) == 1:
-            found += [effect.during(name, rename=False) for name in happened]
-            continue
-        found += [effect.during(name) for name in happened]
-        if effect.kind == "event" and len(happened) > 1:
-            found.append(effect)
-    return simulator.addable(found, asked=names is not None)
-
-
-def _applies(effect: Effect, event: Event) -> bool:
-    """Whether an effect can change an event: a fault of another duration says nothing about a load step."""
-    if effect.kind != "event":
-        return True
-    return effect.equations(event, *(p.nominal for p in effect.parameters)) is not event
+        return hypothesis_of(fit.effects, fit.problem, found, fit.objective)
 
 
 def name_of(effects: Sequence[Effect]) -> str:
-    """Names of effects joined by `` + ``; ``"parameters"`` without any."""
+    """See `Hypothesis.name`."""
     return " + ".join(effect.name for effect in effects) or "parameters"
 
 
 def fit_hypothesis(effects: Sequence[Effect], problem: FitProblem, starts: ArrayLike) -> Hypothesis:
-    """Fit all parameters of a problem from some starts in lockstep, see `JointFit`."""
+    """Fit all parameters of a problem from several starts together, see `JointFit`."""
     return JointFit(effects, problem, starts).run(SLICE * SLICES).hypothesis()
 
 
-def described(
+def hypothesis_of(
     effects: Sequence[Effect], problem: FitProblem, search: BoundedSearch, objective: float
 ) -> Hypothesis:
-    """Hypothesis from where a search ended."""
+    """Hypothesis at the best point of a search."""
     best = search.best
     assert best.jacobian is not None
     u, jacobian = best.u, best.jacobian
@@ -372,18 +329,16 @@ def linearised(problem: FitProblem, u: ArrayLike) -> tuple[_Array, _Array]:
 
 
 def parameters_only(problem: FitProblem, theta: ArrayLike, state: str) -> Hypothesis:
-    """Hypothesis without effects, at values that a calibrator found."""
-    u = (np.asarray(theta, dtype=float) - problem.space.nominal) / problem.space.scales
-    search = _linearised(problem, u)
-    best = search.best
-    best.state = state
-    lowest = best.cost - search.promise(best)
+    """Hypothesis without effects at a calibrator's values."""
+    search = _linearised(problem, problem.scaled(theta))
+    search.best.state = state
+    lowest = search.best.cost - search.promise(search.best)
     if problem.passes_noise:
-        search.tilt(noise_slope(problem, best.u)[0])
-    return described((), problem, search, lowest)
+        search.tilt(noise_slope(problem, search.best.u)[0])
+    return hypothesis_of((), problem, search, lowest)
 
 
-def reached(
+def hypothesis_at(
     effects: Sequence[Effect],
     problem: FitProblem,
     u: ArrayLike,
@@ -395,26 +350,18 @@ def reached(
     search = _linearised(problem, u)
     search.best.state = state
     search.tilt(slope)
-    return described(effects, problem, search, objective)
+    return hypothesis_of(effects, problem, search, objective)
 
 
 def _linearised(problem: FitProblem, u: ArrayLike) -> BoundedSearch:
-    search = _search(problem)
-    search.begin(u)
-    if not search.tracks:
-        raise problem.no_success()
+    search = _search(problem, u)
     search.differentiate(search.tracks)
     return search
 
 
-def _search(problem: FitProblem, central: bool = True) -> BoundedSearch:
-    lower, upper = problem.scaled_bounds
-    return BoundedSearch(
-        lambda u: problem.residuals(problem.values(u)),
-        lower,
-        upper,
-        prior=PRIOR,
-        tol=_TOL,
-        step=_STEP,
-        central=central,
-    )
+def _search(problem: FitProblem, starts: ArrayLike, central: bool = True) -> BoundedSearch:
+    search = problem.search(prior=PRIOR, tol=_TOL, step=_STEP, central=central)
+    search.begin(starts)
+    if not search.tracks:
+        raise problem.no_success()
+    return search

@@ -1,4 +1,4 @@
-"""The noise of a recording, as its quiet part before the event shows it."""
+"""Noise of a recording, estimated from its quiet part before the event."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from errorscreen.calibration.intervals import noise_inflation
 from errorscreen.data.observations import Observation
 from errorscreen.data.signals import correlation_time
 
-#: a quiet part with fewer samples tells nothing about noise: its level is then what the file says, not an estimate
+#: fewest quiet samples for an estimate; with fewer the noise level is the one that was stated
 _FEWEST_QUIET = 10
-#: noise differs from one operating point to another by more than its estimate from the quiet part is uncertain
+#: widens the uncertainty of the estimated level: noise differs between operating points
 _LEVEL = 1.5
 
 
 def quiet_part(observation: Observation) -> NDArray[np.bool_]:
-    """Samples before the event, shape (L,); none where they are too few to tell anything about noise."""
+    """Samples before the event, shape (L,), bool; none where they are too few for an estimate."""
     quiet = observation.time < observation.event.start - 1e-9
     return quiet & (quiet.sum() >= _FEWEST_QUIET)
 
 
 def noise_model(observations: Sequence[Observation], residuals: ArrayLike) -> tuple[float, list[float]]:
-    """Correlation time of the quiet residuals in samples, and how well each recording's noise level is known.
+    """Correlation time of the quiet residuals, and uncertainty of each recording's noise level.
 
     Parameters
     ----------
@@ -35,10 +35,11 @@ def noise_model(observations: Sequence[Observation], residuals: ArrayLike) -> tu
     Returns
     -------
     tau : float
+        In samples.
     spread : list of float
-        Relative standard error of the noise level, for each recording.
+        Relative standard error of the noise level of each recording.
     """
-    # as for its level, noise is what scatters about a slow trend: an offset before the event is an error
+    # about a slow trend, as for the level: an offset before the event is an error, not noise
     tau = correlation_time(*_quiet_rows(observations, residuals, "linear"))
     counts = [int(quiet_part(observation).sum()) for observation in observations]
     return tau, [_LEVEL * float(np.sqrt(tau / (2 * n))) if n else 0.0 for n in counts]
@@ -49,15 +50,15 @@ def noise_limit(observations: Sequence[Observation], responses: Sequence[ArrayLi
 
     .. math:: 1 + 3\sqrt{2\tau/N + 2\tau/n}
 
-    three standard deviations above 1: χ²/N of N values scatters by :math:`\sqrt{2\tau/N}` if their noise is correlated
-    over τ samples, and the noise variance itself is estimated from n quiet values, from which τ is read off too.
-    Without a quiet part the noise is what was stated, and the second term is left out.
+    three standard deviations above 1: with a correlation time of τ samples, χ²/N of N values scatters by
+    :math:`\sqrt{2\tau/N}`, and the noise variance is estimated from n quiet values. Without a quiet part the noise is
+    the stated one, and the second term is left out.
 
     Parameters
     ----------
     observations : sequence of Observation
     responses : sequence of array-like of shape (R, L)
-        A simulation of each; only its quiet part, which parameters do not move, is used.
+        A simulation of each; τ comes from its quiet part, which parameters do not change.
 
     Returns
     -------
@@ -75,7 +76,7 @@ def noise_limit(observations: Sequence[Observation], responses: Sequence[ArrayLi
         ((y - o.values) / o.sigma)[o.mask]
         for o, y in zip(observations, map(np.asarray, responses), strict=True)
     ]
-    # about its mean only: a line would take away what slow noise has of low frequencies
+    # about the mean only: a line would remove the low frequencies of slow noise
     tau = correlation_time(*_quiet_rows(observations, np.concatenate(residuals), "constant"))
     total = sum(map(len, residuals))
     quiet = sum(int(o.mask[:, quiet_part(o)].sum()) for o in observations)
@@ -94,18 +95,7 @@ def _quiet_rows(
 def by_recording(
     observations: Sequence[Observation], residuals: ArrayLike
 ) -> list[tuple[Observation, NDArray[np.float64]]]:
-    """Residuals as channels of each recording.
-
-    Parameters
-    ----------
-    observations : sequence of Observation
-    residuals : array-like of shape (..., N)
-
-    Returns
-    -------
-    list of (Observation, ndarray of shape (..., R, L))
-        0 where nothing was measured.
-    """
+    """Observations and their residuals (..., N) as channels (..., R, L); 0 where nothing was measured."""
     z = np.asarray(residuals, dtype=float)
     out, first = [], 0
     for observation in observations:
@@ -121,6 +111,6 @@ def by_recording(
 def inflation_of(
     observations: Sequence[Observation], residuals: ArrayLike, n_parameters: float = 0.0
 ) -> float:
-    """How much larger, and smoother, residuals (N,) are than noise, see `noise_inflation`."""
+    """How much larger and smoother residuals (N,) are than noise, see `noise_inflation`."""
     left = by_recording(observations, residuals)
     return noise_inflation([np.where(o.mask, z, np.nan) for o, z in left], n_parameters)

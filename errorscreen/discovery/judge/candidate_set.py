@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import logging
+from collections.abc import Iterable
 
 from errorscreen.discovery.fits.hypotheses import Hypothesis
 from errorscreen.discovery.judge.residual_test import ResidualTest, residual_test
 from errorscreen.effects.base import Effect
+
+_log = logging.getLogger(__name__)
 
 #: what leaves more than this share of what one effect less leaves has gained next to nothing from it
 _LESS = 0.9
@@ -21,8 +24,6 @@ class CandidateSet:
         Probability that noise alone leaves what counts as more than noise.
     seed : int
         Of the test.
-    tell : callable
-        Takes lines of text.
 
     Attributes
     ----------
@@ -36,8 +37,8 @@ class CandidateSet:
         Objective that each effect promised beside parameters alone.
     """
 
-    def __init__(self, significance: float, seed: int, tell: Callable[[str], None]) -> None:
-        self.significance, self.seed, self.tell = significance, seed, tell
+    def __init__(self, significance: float, seed: int) -> None:
+        self.significance, self.seed = significance, seed
         self.hypotheses: list[Hypothesis] = []
         self.residual_tests: dict[str, ResidualTest] = {}
         self.scores: dict[str, float] = {}
@@ -122,6 +123,5 @@ class CandidateSet:
         self.residual_tests[hypothesis.name] = remainder
         # (D1) with the excess over noise in place of χ²
         self.scores[hypothesis.name] = hypothesis.evidence + 0.5 * (hypothesis.chi2 - remainder.excess)
-        self.tell(
-            f"  {hypothesis.name}: χ²/N {hypothesis.chi2_per_sample:.3f}, noise alone p = {remainder.p_value:.3f}"
-        )
+        values = hypothesis.name, hypothesis.chi2_per_sample, remainder.p_value
+        _log.info("  %s: χ²/N %.3f, noise alone p = %.3f", *values)

@@ -1,4 +1,4 @@
-"""Finished parts of a search in a folder, so that an interrupted search goes on where it stopped."""
+"""Finished parts of a search in a folder, so that an interrupted search continues where it stopped."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from numpy.typing import NDArray
 
 from errorscreen._runtime.store import Store
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.discovery.fits.hypotheses import Hypothesis, name_of, reached
-from errorscreen.discovery.starts.signatures import SignatureSearch, raced
+from errorscreen.discovery.fits.hypotheses import Hypothesis, hypothesis_at, name_of
+from errorscreen.discovery.starts.signatures import SignatureSearch, successive_halving
 from errorscreen.effects.base import Effect
 from errorscreen.exceptions import SimulationError
 
-#: what is stored of one part
+#: arrays that are stored of one part
 Part = dict[str, NDArray[np.generic]]
 
 
 class Journal:
-    """What the parts of a search have found, in the order of its calls.
+    """Results of the parts of a search, in the order of its calls.
 
-    The same search makes the same calls in the same order, so a part that is stored is read instead of computed. Of a
-    fit only the point is stored: what belongs to it follows from one linearisation.
+    The same search makes the same calls in the same order, so a stored part is read instead of computed. Of a fit only
+    the point is stored; the rest follows from one linearisation.
 
     Parameters
     ----------
     store : Store, optional
-        Nothing is kept where it is not given.
+        Nothing is stored where not given.
     """
 
     def __init__(self, store: Store | None = None) -> None:
@@ -36,7 +36,7 @@ class Journal:
         self._number = 0
 
     def part(self, compute: Callable[[], Part]) -> Part:
-        """What the next part of the search finds, or has found before."""
+        """Result of the next part of the search, computed or read."""
         number, self._number = self._number, self._number + 1
         if self._store is None:
             return compute()
@@ -45,18 +45,12 @@ class Journal:
     def fitted(
         self, effects: Sequence[Effect], problem: FitProblem, fit: Callable[[], Hypothesis | None]
     ) -> Hypothesis | None:
-        """Fit of some effects to a problem; None where it has failed, or has led nowhere.
+        """Fit of some effects to a problem; None if it raised `SimulationError` or returned None.
 
-        Parameters
-        ----------
-        effects : sequence of Effect
-        problem : FitProblem
-            Its simulations are counted as if the fit were made now.
-        fit : callable
-            May raise `SimulationError`.
+        The problem counts simulations of a stored fit as well.
         """
         before = problem.n_simulations
-        found: Hypothesis | None = None  # of this call, which need not be linearised again
+        found: Hypothesis | None = None  # of this call: needs no linearisation
 
         def compute() -> Part:
             nonlocal found
@@ -72,18 +66,9 @@ class Journal:
         return found
 
     def all_fitted(
-        self,
-        problems: Mapping[tuple[Effect, ...], FitProblem],
-        fit: Callable[[], Sequence[Hypothesis]],
+        self, problems: Mapping[tuple[Effect, ...], FitProblem], fit: Callable[[], Sequence[Hypothesis]]
     ) -> list[Hypothesis]:
-        """Fits of some of several problems.
-
-        Parameters
-        ----------
-        problems : mapping of tuple of Effect to FitProblem
-            By the effects of each.
-        fit : callable
-        """
+        """Fits of some of several problems, which are given by their effects."""
         found: list[Hypothesis] = []
 
         def compute() -> Part:
@@ -99,20 +84,19 @@ class Journal:
             by_name = {name_of(effects): effects for effects in problems}
             for number, name in enumerate(part["fits"]):
                 effects = by_name[str(name)]
-                own = {key: part[f"{number}.{key}"] for key in ("u", "slope", "objective", "state")}
-                found.append(unpacked(effects, problems[effects], own))
+                found.append(unpacked(effects, problems[effects], _own(part, number)))
         for problem, count in zip(problems.values(), part["counts"], strict=True):
             problem.n_simulations = int(count)
         return found
 
-    def raced(
+    def ranked(
         self, searches: Sequence[SignatureSearch], n_fits: int, threads: int = 1
     ) -> list[SignatureSearch]:
-        """Searches for signatures after their race, see `errorscreen.discovery.starts.signatures.raced`."""
+        """Searches for signatures after `successive_halving`."""
         ranked: list[SignatureSearch] = []
 
         def compute() -> Part:
-            ranked.extend(raced(searches, n_fits, threads))
+            ranked.extend(successive_halving(searches, n_fits, threads))
             part: Part = {"order": np.array([list(searches).index(s) for s in ranked], dtype=int)}
             for number, search in enumerate(searches):
                 part |= {f"{number}.{key}": value for key, value in search.packed().items()}
@@ -122,13 +106,18 @@ class Journal:
         if ranked:
             return ranked
         for number, search in enumerate(searches):
-            own = f"{number}."
-            search.restore({k.removeprefix(own): v for k, v in part.items() if k.startswith(own)})
+            search.restore(_own(part, number))
         return [searches[int(number)] for number in part["order"]]
 
 
+def _own(part: Part, number: int) -> Part:
+    """Arrays of one fit or search of a part."""
+    start = f"{number}."
+    return {key.removeprefix(start): value for key, value in part.items() if key.startswith(start)}
+
+
 def packed(hypothesis: Hypothesis) -> Part:
-    """Point that a fit has reached, and what its search knows of it."""
+    """Point of a fit and its state."""
     return {
         "u": hypothesis.u,
         "slope": hypothesis.slope,
@@ -139,4 +128,5 @@ def packed(hypothesis: Hypothesis) -> Part:
 
 def unpacked(effects: Sequence[Effect], problem: FitProblem, part: Part) -> Hypothesis:
     """Hypothesis at a stored point."""
-    return reached(effects, problem, part["u"], part["slope"], float(part["objective"]), str(part["state"]))
+    objective, state = float(part["objective"]), str(part["state"])
+    return hypothesis_at(effects, problem, part["u"], part["slope"], objective, state)

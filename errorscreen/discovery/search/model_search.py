@@ -1,7 +1,8 @@
-"""Hypotheses fitted in competition: which effects are tried, how far each fit goes, and what each of them leaves."""
+"""Search for the effects that a model lacks: which are tried, in what order, and how far each fit goes."""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from itertools import combinations
@@ -10,36 +11,37 @@ from zlib import crc32
 import numpy as np
 
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.discovery.fits.halving import attempted
+from errorscreen.discovery.fits.halving import try_all
 from errorscreen.discovery.fits.hypotheses import Hypothesis, JointFit, linearised
-from errorscreen.discovery.search.growing_fits import Growth, begun, fit_growing_parts
-from errorscreen.discovery.search.joint_fits import anew, promised
+from errorscreen.discovery.search.joint_fits import fits_from_nominal, fits_from_signatures
 from errorscreen.discovery.search.journal import Journal
+from errorscreen.discovery.search.partwise_fits import PartwiseFit, fit_growing_parts, start_partwise
 from errorscreen.discovery.search.refinement import NAMED, PART, WORTH, Refinement
 from errorscreen.discovery.starts.signatures import SignatureSearch
 from errorscreen.effects.base import Effect
 
-#: fits with one effect more that are led further
+_log = logging.getLogger(__name__)
+
+#: best fits with one effect more that are improved
 _BEAM = 2
-#: effects with the best signatures, for each that is fitted to the end, whose joint fit begins; beside another effect
-#: that explains most of it, signatures say more
+#: joint fits that begin from signatures, for each that is fitted to the end: of single effects, and beside another one
 _TRIED, _TRIED_BESIDE = 2, 1
-#: where nothing leaves less than this share of what parameters leave, all effects are fitted from nominal parameters
+#: unless a fit has less than this share of the base fit's excess, all effects are fitted from nominal parameters
 _NEARLY = 0.02
-#: what noise alone leaves with at least this probability is clearly noise; else the search goes on
+#: least probability of noise at which a fit is clearly adequate; below it the search goes on
 _CLEARLY_NOISE = 0.2
-#: times that what would be named, but for the rest, is fitted from everywhere
+#: most times that the nearest fit is restarted from all over the ranges
 _TIMES = 3
-#: fits that reach the end of a race, for each that is fitted to the end elsewhere
+#: partwise fits that reach the end, for each joint fit that does
 _ARRIVE = 0.5
-#: what leaves less than this share of what parameters leave is fitted from everywhere, too, so many of these at most
+#: other fits below this share of the excess that are restarted from all over the ranges, and how many
 _RIVAL, _RIVALS = 0.003, 3
 #: most pairs that are all tried
 _MOST_PAIRS = 300
 
 
 class ModelSearch(Refinement):
-    """Fitted hypotheses about some recordings, and how they come about.
+    """Forward and backward search for effects beside the parameters.
 
     Parameters
     ----------
@@ -48,10 +50,8 @@ class ModelSearch(Refinement):
     max_effects, n_fits, n_draws, significance
         See `CauseFinder`.
     seed : int
-    tell : callable
-        Takes lines of text.
     journal : Journal, optional
-        Of the parts that are finished.
+        Of the finished parts.
 
     Attributes
     ----------
@@ -71,112 +71,129 @@ class ModelSearch(Refinement):
         n_draws: int,
         significance: float,
         seed: int,
-        tell: Callable[[str], None],
         journal: Journal | None = None,
     ) -> None:
-        super().__init__(base, significance, seed, tell, journal)
+        super().__init__(base, significance, seed, journal)
         self.max_effects, self.n_fits, self.n_draws = max_effects, n_fits, n_draws
         self.signatures: dict[str, float] = {}
 
     def run(self, candidates: Sequence[Effect]) -> None:
         """Try effects beside the parameters, and pairs of them as long as nothing is adequate."""
-        self._select(candidates)
-        self._exchange(candidates)
-        self._spread()
-        self._insist()
-        self._eliminate()
-        self._finish()
+        self._add_effects(candidates)
+        self._exchange_effects(candidates)
+        self._restart_nearest()
+        self._restart_again()
+        self._drop_effects()
+        self._complete_fits()
         base = self.base
-        self.rest()
-        self._compare_parts(again=self.base is not base)
-        self._settle()
-        self._finish()
+        self.improve_base()
+        self._improve_parts(again=self.base is not base)
+        self._refine_values()
+        self._complete_fits()
 
-    def _select(self, candidates: Sequence[Effect]) -> None:
-        """Add one effect after another to what is best, as long as nothing is adequate."""
+    def _add_effects(self, candidates: Sequence[Effect]) -> None:
+        """Forward selection: add one effect after another to the best fit, as long as nothing is adequate."""
         base = self.base
         for size in range(1, self.max_effects + 1):
-            searches = self._add(base, candidates)
-            if size == 1 and not self._settled and not self.explained(1, _NEARLY):
-                self.tell(f"joint fits of all {len(searches)} from the nominal parameters")
-                self._compete(_problems(base, searches), partial(self._fits_anew, searches))
-                self._lead(self.beside(base))
+            searches = self._add_one(base, candidates)
+            if size == 1 and not self._clearly_adequate and not self.explained(1, _NEARLY):
+                _log.info("joint fits of all %d from the nominal parameters", len(searches))
+                seeds = [self._seed(base, search.effect, 1) for search in searches]
+                fits = partial(fits_from_nominal, searches, self.n_fits, seeds, self.simulator.threads)
+                self._fit_sets(_problems(base, searches), fits)
+                self._improve_best(self.beside(base))
             self.n_simulations += sum(search.problem.n_simulations for search in searches)
             if size == 1 and not self.adequate and self.with_effects(1):
-                # pairs are dearer, and make up for a wrong minimum
-                self._everywhere(self.beside(base)[0])
+                # pairs cost more, and make up for a wrong minimum
+                self._restart_everywhere(self.beside(base)[0])
             best = self.nearest(size)
             if self.adequate or best is None or (size > 1 and not self.explained(size, PART)):
                 break
             base = best
 
-    def _race(self, sets: Mapping[tuple[Effect, ...], Hypothesis]) -> None:
-        """Let fits of some sets of effects grow with the recordings, each from a fit of some of them, or of none."""
-        bases: dict[frozenset[Effect], Hypothesis] = {}
-        problems: dict[tuple[Effect, ...], FitProblem] = {}
-        for effects, base in sets.items():
-            if frozenset(effects) not in bases:
-                bases[frozenset(effects)] = base
-                simulator = base.simulator
-                for effect in effects[len(base.effects) :]:
-                    simulator = simulator.extend(effect)
-                problems[effects] = FitProblem(simulator, list(base.observations))
-        beside = " and beside ".join(dict.fromkeys(base.name for base in bases.values()))
-        self.tell(f"{len(problems)} growing fits beside {beside}")
-
-        def begin(effects: tuple[Effect, ...], n: int) -> Growth:
-            base = bases[frozenset(effects)]
-            seed = self._seed(base, effects[-1], 2, n)
-            return begun(base, effects, problems[effects], n, seed, self.rough_step)
-
-        fits = [partial(begin, effects) for effects in problems]
-        arrive = max(1, round(_ARRIVE * self.n_fits))
-        threads = self.simulator.threads
-        self._compete(
-            problems, lambda: fit_growing_parts(fits, arrive, self.tell, threads, self._may_leave_noise)
-        )
-        size = len(next(iter(problems)))
-        self._lead(sorted(self.with_effects(size), key=lambda h: h.objective))
-        self.n_simulations += sum(problem.n_simulations for problem in problems.values())
-
     @property
-    def _settled(self) -> bool:
-        """Whether parameters suffice, or what leaves only noise does so clearly.
+    def _clearly_adequate(self) -> bool:
+        """Whether parameters suffice, or a fit is adequate by a margin.
 
-        What only just passes may imitate an effect whose signature promised little.
+        One that only just passes may imitate an effect with a poor signature.
         """
         clear = (self.residual_tests[h.name].p_value > _CLEARLY_NOISE for h in self.adequate)
         return self.is_adequate(self.base) or any(clear)
 
-    def _add(self, base: Hypothesis, candidates: Sequence[Effect]) -> list[SignatureSearch]:
-        """Fit one effect more, of those that promise most; the searches for signatures."""
+    def _add_one(self, base: Hypothesis, candidates: Sequence[Effect]) -> list[SignatureSearch]:
+        """Fit the effects with the best signatures beside a hypothesis; return all searches for signatures."""
         others = [effect for effect in candidates if effect not in base.effects]
-        self.tell(f"signatures of {len(others)} effects beside {base.name}")
+        _log.info("signatures of %d effects beside %s", len(others), base.name)
         wanted = (_TRIED_BESIDE if base.effects else _TRIED) * self.n_fits
         searches = self._signatures(base, others)
-        self.tell(f"joint fits of {min(wanted, len(searches))} of them")
+        _log.info("joint fits of %d of them", min(wanted, len(searches)))
         best = searches[:wanted]
-        self._compete(_problems(base, best), partial(self._promised_fits, base, best))
-        self._lead(self.beside(base))
+        threshold = base.objective - WORTH if self.is_adequate(base) else np.inf
+        known = {frozenset(e.name for e in h.effects) for h in self.hypotheses}
+        fits = partial(fits_from_signatures, base, best, self.n_fits, known, threshold)
+        self._fit_sets(_problems(base, best), fits)
+        self._improve_best(self.beside(base))
         return searches
 
-    def _exchange(self, candidates: Sequence[Effect]) -> None:
-        """Try all others in place of each effect of what comes nearest to noise, and beside what may be right alone.
+    def _signatures(self, base: Hypothesis, effects: Sequence[Effect]) -> list[SignatureSearch]:
+        """Searches for signatures at the fitted values, without effects also at the nominal ones; the best first."""
+        observations = base.observations
+        points = [(base.u, base.jacobian)]
+        # with an effect the nominal parameters mean nothing; an adequate fit is not stuck
+        if not base.effects and not self.is_adequate(base):
+            problem = FitProblem(base.simulator, observations)
+            nominal = np.zeros(len(base.u))
+            points.append((nominal, linearised(problem, nominal)[1]))
+            self.n_simulations += problem.n_simulations
+        new = partial(SignatureSearch, base.simulator, observations)
+        searches = [
+            new(effect, points, self.n_draws, self._seed(base, effect), self.rough_step) for effect in effects
+        ]
+        searches = self._journal.ranked(searches, self.n_fits, base.simulator.threads)
+        if not base.effects:
+            self.signatures |= {s.effect.name: s.objective for s in searches if np.isfinite(s.objective)}
+        return searches
 
-        Forward selection may have begun with an effect that imitates another one: a long ramp looks like a cessation.
-        And a signature beside the right one may promise little: that and the parameters have made up for the second.
-        Where neither of two promises anything without the other, all pairs are tried, unless they are too many.
+    def _seed(self, base: Hypothesis, effect: Effect, *use: int) -> np.random.SeedSequence:
+        """Seed by the name of an effect, so that the rest of the library does not matter."""
+        return np.random.SeedSequence(
+            self.seed, spawn_key=(crc32(effect.name.encode()), len(base.effects), *use)
+        )
+
+    def _fit_sets(
+        self, problems: Mapping[tuple[Effect, ...], FitProblem], fits: Callable[[], Sequence[JointFit]]
+    ) -> None:
+        """Keep the joint fits of problems with different effects."""
+
+        def fitted() -> list[Hypothesis]:
+            ended = try_all([fit.hypothesis for fit in fits()], self.simulator.threads)
+            return [hypothesis for hypothesis in ended if hypothesis is not None]
+
+        self._keep_better(problems, fitted)
+
+    def _improve_best(self, hypotheses: Sequence[Hypothesis]) -> None:
+        """Lead the first hypotheses out of local minima, and refine the step of the lowest."""
+        led = self._leave_local_minima(hypotheses[:_BEAM])
+        if led and not self.adequate:
+            self._refine_step(min(led, key=lambda h: h.objective))
+
+    def _exchange_effects(self, candidates: Sequence[Effect]) -> None:
+        """Try all others in place of each effect of the nearest fit, and beside effects that may be right alone.
+
+        Forward selection may have begun with an imitation: a long ramp looks like a cessation. And beside the right
+        effect, a fit may have made up for the second, whose signature is then poor. Where two effects promise nothing
+        alone, all pairs are tried, unless they are too many.
         """
         best = self.nearest(self.most_effects)
         if self.adequate or best is None or len(best.effects) < 2:
             return
         if not self.explained(len(best.effects), PART):
-            # hardly one of them is right: nothing says where to begin
+            # hardly one of them is right: nothing to begin with
             pairs = list(combinations(candidates, 2))
             if len(pairs) <= _MOST_PAIRS:
-                self._race(dict.fromkeys(pairs, self.base))
+                self._fit_partwise(dict.fromkeys(pairs, self.base))
             return
-        sets = [tuple(e for e in best.effects if e is not dropped) for dropped in best.effects]
+        sets = _without_each(best)
         fewer = [h for h in self.with_effects(len(best.effects) - 1) if self.leaves_less(h, PART)]
         sets += [h.effects for h in sorted(fewer, key=lambda h: h.objective)[:_BEAM]]
         if len(best.effects) == 2:
@@ -188,71 +205,39 @@ class ModelSearch(Refinement):
             if base is not None:
                 bases.append(base)
         if bases and not self.adequate:
-            self._race({(*b.effects, e): b for b in bases for e in candidates if e not in b.effects})
+            self._fit_partwise({(*b.effects, e): b for b in bases for e in candidates if e not in b.effects})
 
-    def _signatures(self, base: Hypothesis, effects: Sequence[Effect]) -> list[SignatureSearch]:
-        """Searches for signatures at the fitted values, without effects also at the nominal ones; the best first."""
-        simulator, observations = base.simulator, base.observations
-        points = [(base.u, base.jacobian)]
-        # with an effect the nominal values of its parameters mean nothing; a fit that leaves only noise is not stuck
-        if not base.effects and not self.is_adequate(base):
-            problem = FitProblem(simulator, list(observations))
-            nominal = np.zeros(len(base.u))
-            points.append((nominal, linearised(problem, nominal)[1]))
-            self.n_simulations += problem.n_simulations
-        searches = [
-            SignatureSearch(
-                simulator,
-                observations,
-                effect,
-                points,
-                self.n_draws,
-                self._seed(base, effect),
-                self.rough_step,
-            )
-            for effect in effects
-        ]
-        searches = self._journal.raced(searches, self.n_fits, simulator.threads)
-        if not base.effects:
-            self.signatures |= {s.effect.name: s.objective for s in searches if np.isfinite(s.objective)}
-        return searches
+    def _fit_partwise(self, sets: Mapping[tuple[Effect, ...], Hypothesis]) -> None:
+        """Fit sets of effects to growing parts of the recordings, each from a fit of some of them, or of none."""
+        bases: dict[frozenset[Effect], Hypothesis] = {}
+        problems: dict[tuple[Effect, ...], FitProblem] = {}
+        for effects, base in sets.items():
+            if frozenset(effects) not in bases:
+                bases[frozenset(effects)] = base
+                simulator = base.simulator
+                for effect in effects[len(base.effects) :]:
+                    simulator = simulator.extend(effect)
+                problems[effects] = FitProblem(simulator, base.observations)
+        beside = " and beside ".join(dict.fromkeys(base.name for base in bases.values()))
+        _log.info("%d fits to growing parts of the recordings beside %s", len(problems), beside)
 
-    def _compete(
-        self, problems: Mapping[tuple[Effect, ...], FitProblem], fits: Callable[[], Sequence[JointFit]]
-    ) -> None:
-        """Make fits of some problems, of which each has other effects."""
+        def begin(effects: tuple[Effect, ...], n: int) -> PartwiseFit:
+            base = bases[frozenset(effects)]
+            seed = self._seed(base, effects[-1], 2, n)
+            return start_partwise(base, effects, problems[effects], n, seed, self.rough_step)
 
-        def fitted() -> list[Hypothesis]:
-            ended = attempted([fit.hypothesis for fit in fits()], self.simulator.threads)
-            return [hypothesis for hypothesis in ended if hypothesis is not None]
+        fits = [partial(begin, effects) for effects in problems]
+        wanted = max(1, round(_ARRIVE * self.n_fits))
+        threads = self.simulator.threads
+        self._fit_sets(problems, lambda: fit_growing_parts(fits, wanted, threads, self._may_leave_noise))
+        size = len(next(iter(problems)))
+        self._improve_best(sorted(self.with_effects(size), key=lambda h: h.objective))
+        self.n_simulations += sum(problem.n_simulations for problem in problems.values())
 
-        self._take(problems, fitted)
+    def _restart_nearest(self) -> None:
+        """Where nothing is adequate: restart the nearest fits and their single effects from all over the ranges.
 
-    def _lead(self, hypotheses: Sequence[Hypothesis]) -> None:
-        """Lead the first of some hypotheses as far as they go."""
-        led = self._escape(hypotheses[:_BEAM])
-        if led and not self.adequate:
-            self._polish(min(led, key=lambda h: h.objective))
-
-    def _promised_fits(self, base: Hypothesis, searches: Sequence[SignatureSearch]) -> Sequence[JointFit]:
-        threshold = base.objective - WORTH if self.is_adequate(base) else np.inf
-        known = {frozenset(e.name for e in h.effects) for h in self.hypotheses}
-        return promised(base, searches, self.n_fits, known, threshold)
-
-    def _fits_anew(self, searches: Sequence[SignatureSearch]) -> Sequence[JointFit]:
-        seeds = [self._seed(self.base, s.effect, 1) for s in searches]
-        return anew(searches, self.n_fits, seeds, self.simulator.threads)
-
-    def _seed(self, base: Hypothesis, effect: Effect, *use: int) -> np.random.SeedSequence:
-        """Of what is drawn for one effect, by its name: what else a library holds does not matter."""
-        return np.random.SeedSequence(
-            self.seed, spawn_key=(crc32(effect.name.encode()), len(base.effects), *use)
-        )
-
-    def _spread(self) -> None:
-        """Where nothing is adequate: fit what comes nearest to noise from everywhere, also each effect of it alone.
-
-        A fit in a local minimum looks exactly like something that no one knows.
+        A fit in a local minimum looks exactly like a missing effect.
         """
         sets: list[tuple[Effect, ...]] = []
         for number in range(self.max_effects + 1):
@@ -271,11 +256,10 @@ class ModelSearch(Refinement):
             near = [max(hs, key=lambda h: self.scores[h.name]) for hs in (part, whole) if hs]
             self._refit(effects, self.base, near, everywhere=True)
 
-    def _insist(self) -> None:
-        """Fit what comes nearest to noise from everywhere again, where it leaves little enough to be named.
+    def _restart_again(self) -> None:
+        """Restart the nearest fit again if it has many minima and leaves little enough to be named.
 
-        The more effects with thresholds and timers there are, the fewer of the starts come to the lowest minimum; of
-        those without, starts that differ come to the same one.
+        The more thresholds and timers, the fewer starts reach the lowest minimum.
         """
         for times in range(2, _TIMES + 1):
             nearest = self.nearest(self.most_effects)
@@ -287,49 +271,44 @@ class ModelSearch(Refinement):
                 or not self.adds(nearest)
             ):
                 return
-            self._everywhere(nearest, times)
+            self._restart_everywhere(nearest, times)
 
-    def _eliminate(self) -> None:
+    def _drop_effects(self) -> None:
         """Fit the best adequate hypothesis without each of its effects.
 
-        Forward selection may have started wrongly; and a fit without effects that was stuck in a local minimum looks
-        exactly like a missing effect, so it is tried again from where the effect has led.
+        Forward selection may have begun wrongly, or the fit without effects was stuck: it starts again from here.
         """
-        if not self.adequate:
-            return
-        best = self.adequate[0]
-        for dropped in best.effects:
-            effects = tuple(e for e in best.effects if e is not dropped)
-            self._refit(effects, best, [best], everywhere=bool(effects))
+        if self.adequate:
+            best = self.adequate[0]
+            for effects in _without_each(best):
+                self._refit(effects, best, [best], everywhere=bool(effects))
 
-    def _compare_parts(self, again: bool) -> None:
-        """Lead single effects of what may be named to where nothing leads lower, if they leave little.
+    def _improve_parts(self, again: bool) -> None:
+        """Improve single effects of the likely result if they leave little, so that no pair is named for a stuck one.
 
-        Two effects must not be named because one of them alone was stuck. If asked for, they are fitted again, from
-        where parameters alone have come to rest.
+        With `again` they are fitted from the new fit without effects first.
         """
         best = max(self.adequate or self.hypotheses, key=lambda h: self.scores[h.name])
         if not best.effects:
             return
-        sets = [best.effects]
-        if len(best.effects) > 1:
-            sets += [tuple(e for e in best.effects if e is not dropped) for dropped in best.effects]
-        for effects in sets:
+        for effects in [best.effects, *(_without_each(best) if len(best.effects) > 1 else [])]:
             fitted = self.fit_of(effects) or self._refit(effects, best, [best, self.base], everywhere=False)
             if fitted is not None and again:
-                fitted = self._from_rest(fitted, best)
+                fitted = self._fit_from_base(fitted, best)
             if fitted is not None and len(effects) < len(best.effects) and self.leaves_less(fitted, NAMED):
-                self._rest(fitted, best)
+                self._restart_from_neighbours(fitted, best)
 
-    def _from_rest(self, hypothesis: Hypothesis, best: Hypothesis) -> Hypothesis:
-        """Fit a hypothesis from where parameters alone have come to rest, with effects off and as in another fit."""
+    def _fit_from_base(self, hypothesis: Hypothesis, best: Hypothesis) -> Hypothesis:
+        """Fit a hypothesis from the parameters without effects, with effects off and as in another fit."""
         names = hypothesis.names
         off = self.base.deviations(names)
         on = np.where(np.isin(names, self.base.names), off, best.deviations(names))
-        problem = FitProblem(hypothesis.simulator, list(hypothesis.observations), names)
-        better = self._better(hypothesis, problem, lambda: [off, on])
-        self.n_simulations += problem.n_simulations
-        return better or hypothesis
+        return self._try_starts(hypothesis, lambda _: [off, on]) or hypothesis
+
+
+def _without_each(hypothesis: Hypothesis) -> list[tuple[Effect, ...]]:
+    """Effects of a hypothesis without each of them."""
+    return [tuple(e for e in hypothesis.effects if e is not dropped) for dropped in hypothesis.effects]
 
 
 def _problems(base: Hypothesis, searches: Sequence[SignatureSearch]) -> dict[tuple[Effect, ...], FitProblem]:

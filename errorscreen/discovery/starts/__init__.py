@@ -1,1 +1,1 @@
-"""Starting points for joint fits."""
+"""Starts for joint fits."""

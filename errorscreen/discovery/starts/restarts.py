@@ -1,4 +1,4 @@
-"""Ways out of a local minimum, which looks exactly like something that no one knows."""
+"""Starts that may lead out of a local minimum, which looks exactly like a missing effect, and fits from them."""
 
 from __future__ import annotations
 
@@ -16,79 +16,57 @@ from errorscreen.discovery.fits.hypotheses import CORNER, SLICE, Hypothesis, Joi
 from errorscreen.discovery.starts.signatures import SPREADS, objectives, projected, spread_over
 from errorscreen.effects.base import Effect
 
-#: values of one parameter that are tried in a search for a way out of a local minimum
+#: values of one parameter in a scan of its range
 _LINE = 48
-#: and how far from where it is, on both sides, as shares of the range: a fit may have come to rest beside a cliff
+#: further values on both sides of the fitted one, as shares of the range: a fit may have stopped beside a cliff
 _BESIDE = np.geomspace(1e-4, 0.1, 8)
 #: values of all parameters of an effect with many minima that are tried together, for each of `SPREADS`
 _CLOUD = 48
-#: starts that are kept after so many iterations each, and those that are followed to the end
+#: successive halving: starts that are kept, and iterations of each; and starts that are fitted to the end
 _HALVING, _FOLLOWED = ((16, 3), (8, 6)), 3
-#: starts around a fit whose linear model promises more than steps keep, in standard deviations
+#: widths of the starts around a stalled fit in standard deviations
 _AROUND = np.repeat((3.0, 1.0, 0.3, 0.1), 6)
 #: rounds of such starts, all of which must lead no lower
-_QUIET = 2
+_ROUNDS = 2
 #: individuals for each parameter, and generations, of a global search
 _CROWD, _GENERATIONS = 16, 80
 #: shares of its range by which a parameter is moved off an edge
 _OFF = (-0.01, -0.003, 0.003, 0.01)
-#: individuals that scatter around a fit by such shares of the ranges, and generations, of the search for the others
-_BESIDE_CROWD, _BESIDE_SPREADS, _BESIDE_GENERATIONS = 32, (0.3, 0.1, 0.03, 0.01), 24
+#: the search for the other parameters there: individuals, their spread in shares of the ranges, and generations
+_EDGE_CROWD, _EDGE_SPREADS, _EDGE_GENERATIONS = 32, (0.3, 0.1, 0.03, 0.01), 24
 
 _Array = NDArray[np.float64]
 
 
-def escapes(
+def scan_effect_parameters(
     hypothesis: Hypothesis, problem: FitProblem, random_state: Any = 0, step: float | None = None
 ) -> list[_Array]:
-    """Points from which a fit may reach a lower minimum, the most promising first.
+    """Starts (k,) that promise a lower objective than a fit of the problem, the lowest first.
 
-    One parameter of an effect at a time is moved through its range, and the others follow by the linear model, as in
-    (D2). What counts are timers, instants and frequencies: of these a fit finds the nearest minimum only. Those of an
-    effect with many minima are also moved together, over ever smaller parts of their ranges.
-
-    Parameters
-    ----------
-    hypothesis : Hypothesis
-        Fitted.
-    problem : FitProblem
-        It was fitted to.
-    random_state : None, int, SeedSequence, Generator or RandomState
-    step : float, optional
-        See `rough_step`.
-
-    Returns
-    -------
-    list of ndarray of shape (k,)
-        Only those that promise less than the hypothesis has reached.
+    Each parameter of an effect moves through its range alone; the others follow by the linear model, as in (D2). This
+    helps timers, instants and frequencies, of which a fit finds the nearest minimum only. The parameters of an effect
+    with many minima also move together, over ever smaller parts of their ranges. For `step` see `rough_step`.
     """
     rough = problem.with_step(step)
     least = hypothesis.objective if step is None else float(objectives(rough, hypothesis.u[None])[0])
     space, u = problem.space, hypothesis.u
-    index = {name: j for j, name in enumerate(problem.names)}
-    tried: list[tuple[_Array, NDArray[np.int64]]] = []
     lines = spread_over(space, 0, np.repeat((np.arange(_LINE) + 0.5)[:, None] / _LINE, len(space), axis=1))
     rng = generator(random_state)
     lower, upper = problem.scaled_bounds
+    trials: list[tuple[_Array, NDArray[np.int64]]] = []
     for effect in hypothesis.effects:
-        own = [
-            index[name] for name in map(effect.local, (p.name for p in effect.parameters)) if name in index
-        ]
+        names = [effect.local(p.name) for p in effect.parameters]
+        own = [problem.names.index(name) for name in names if name in problem.names]
         for j in own:
             beside = (upper - lower)[j] * np.concatenate([-_BESIDE, _BESIDE])
             values = np.concatenate([lines[:, j], np.clip(u[j] + beside, lower[j], upper[j])])
-            rows = np.tile(u, (len(values), 1))
-            rows[:, j] = values
-            tried.append((rows, np.array([j])))
+            trials.append((_moved(u, [j], values[:, None]), np.array([j])))
         if effect.minima > 1:
-            spread = np.repeat(SPREADS, _CLOUD)[:, None] * (upper - lower)[own]
-            rows = np.tile(u, (len(spread), 1))
-            rows[:, own] = np.clip(
-                u[own] + spread * rng.standard_normal(spread.shape), lower[own], upper[own]
-            )
-            tried.append((rows, np.array(own)))
+            cloud = np.repeat(SPREADS, _CLOUD)[:, None] * (upper - lower)[own]
+            cloud = np.clip(u[own] + cloud * rng.standard_normal(cloud.shape), lower[own], upper[own])
+            trials.append((_moved(u, own, cloud), np.array(own)))
     found: list[tuple[float, _Array]] = []
-    for rows, moved in tried:
+    for rows, moved in trials:
         others = np.flatnonzero(hypothesis.free & ~np.isin(np.arange(len(u)), moved))
         objective, steps = projected(rough, rows, hypothesis.jacobian[:, others], others)
         best = int(np.argmin(objective))
@@ -99,58 +77,41 @@ def escapes(
     return [start for _, start in sorted(found, key=lambda item: item[0])]
 
 
-def followed(
+def fit_from_starts(
     hypothesis: Hypothesis, problem: FitProblem, starts: ArrayLike, worth: float, step: float | None = None
 ) -> Hypothesis | None:
-    """Fit of a hypothesis from other starts (s, k), of which fewer and fewer are kept.
-
-    Parameters
-    ----------
-    hypothesis : Hypothesis
-        Fitted.
-    problem : FitProblem
-        It was fitted to.
-    starts : array-like of shape (s, k)
-    worth : float
-        By how much the objective must be lower; else the result is None.
-    step : float, optional
-        See `rough_step`.
+    """Fit of a hypothesis from other starts (s, k); None if its objective is not lower by `worth`.
 
     Raises
     ------
     SimulationError
         If none of the starts can be simulated.
     """
-    fit = halved(hypothesis.effects, problem, starts, step).pursue(hypothesis.objective).exact()
+    fit = fit_with_halving(hypothesis.effects, problem, starts, step).pursue(hypothesis.objective).exact()
     return fit.hypothesis() if fit.objective <= hypothesis.objective - worth else None
 
 
-def halved(
+def fit_with_halving(
     effects: Sequence[Effect], problem: FitProblem, starts: ArrayLike, step: float | None = None
 ) -> JointFit:
-    """Fit from starts (s, k), of which fewer and fewer are kept; for `step` see `JointFit`.
-
-    Raises
-    ------
-    SimulationError
-        If none of the starts can be simulated.
-    """
+    """Fit from starts (s, k) by successive halving; for `step` and errors see `JointFit`."""
     fit = JointFit(effects, problem, starts, step=step)
     for kept, iterations in _HALVING:
         fit.keep(kept).run(iterations)
     return fit.keep(_FOLLOWED)
 
 
-def rested(hypothesis: Hypothesis, problem: FitProblem, least: float, random_state: Any = 0) -> Hypothesis:
-    """Fit of a hypothesis from where it is and from starts that scatter around it, (D6).
+def restart_from_neighbours(
+    hypothesis: Hypothesis, problem: FitProblem, least: float, random_state: Any = 0
+) -> Hypothesis:
+    """Fit of a hypothesis from its own point and from starts that scatter around it, (D6).
 
-    Where limiters begin to act, the slopes on both sides differ, and the linear model of one side promises what no step
-    keeps: a search stalls there, be it at a minimum or not. Starts around it see other sides.
+    Where a limiter begins to act, the slopes on both sides differ, and a search may stall: the linear model of one side
+    promises a descent that no step keeps. Starts around the point see the other sides.
 
     Parameters
     ----------
     hypothesis : Hypothesis
-        Fitted.
     problem : FitProblem
         It was fitted to.
     least : float
@@ -160,7 +121,7 @@ def rested(hypothesis: Hypothesis, problem: FitProblem, least: float, random_sta
     Returns
     -------
     Hypothesis
-        ``"corner"`` is its state if the search stalled again, and no start of two rounds led lower by what counts.
+        Its state is ``"corner"`` if the search stalled again, and no start of two rounds led lower by `least`.
 
     Raises
     ------
@@ -170,46 +131,33 @@ def rested(hypothesis: Hypothesis, problem: FitProblem, least: float, random_sta
     fit = JointFit(hypothesis.effects, problem, hypothesis.u)
     before, rng = fit.objective, generator(random_state)
     fit.run(SLICE)
-    for _ in range(_QUIET):
+    for _ in range(_ROUNDS):
         around = fit.scattered(_AROUND, rng)[0]
-        fit = halved(hypothesis.effects, problem, np.vstack([fit.reached, around])).pursue(before)
+        starts = np.vstack([fit.reached, around])
+        fit = fit_with_halving(hypothesis.effects, problem, starts).pursue(before)
         found = fit.hypothesis()
         if found.at_rest or before - fit.objective >= least:
             return found
     return replace(found, state=CORNER) if found.state == "stalled" else found
 
 
-def searched(problem: FitProblem, random_state: Any = 0) -> _Array:
+def search_all_ranges(problem: FitProblem, random_state: Any = 0) -> _Array:
     """Deviations (k,) at the lowest objective that differential evolution finds, in multiples of the scales.
 
-    For few parameters, some of which are thresholds and timers that act again and again: there, all minima are narrow.
-    (Storn and Price, J. Global Optimization 11, 1997.)
-
-    Parameters
-    ----------
-    problem : FitProblem
-    random_state : None, int, SeedSequence, Generator or RandomState
+    For few parameters, among them thresholds and timers that act again and again, whose minima are all narrow (Storn
+    and Price, J. Global Optimization 11, 1997).
     """
     moved = np.arange(len(problem.names))
-    return _evolved(
-        problem, np.zeros(len(moved)), moved, generator(random_state), popsize=_CROWD, maxiter=_GENERATIONS
-    )[1]
+    rng = generator(random_state)
+    return _evolved(problem, np.zeros(len(moved)), moved, rng, popsize=_CROWD, maxiter=_GENERATIONS)[1]
 
 
-def off_the_edge(hypothesis: Hypothesis, problem: FitProblem, random_state: Any = 0) -> _Array:
+def move_off_edge(hypothesis: Hypothesis, problem: FitProblem, random_state: Any = 0) -> _Array:
     """Points (s, k) beside a fit, the lowest first, with the most sharply determined parameter of an effect moved.
 
-    A threshold may have come to rest on the very edge at which something happens at all, where a millionth more or less
-    changes when: this makes up for a wrong timer. So it is moved off the edge, and differential evolution searches the
-    effects' other parameters there; those of the model stay.
-
-    Parameters
-    ----------
-    hypothesis : Hypothesis
-        Fitted; with at least one effect with many minima, whose parameters are searched.
-    problem : FitProblem
-        It was fitted to.
-    random_state : None, int, SeedSequence, Generator or RandomState
+    A fit may have put a threshold on the very edge of acting at all, where a millionth changes the instant: this
+    makes up for a wrong timer. So the threshold is moved off the edge, and differential evolution searches the other
+    parameters of the effects with many minima (at least one); those of the model stay.
     """
     rng = generator(random_state)
     names = [e.local(p.name) for e in hypothesis.effects if e.minima > 1 for p in e.parameters]
@@ -218,29 +166,30 @@ def off_the_edge(hypothesis: Hypothesis, problem: FitProblem, random_state: Any 
     known = np.linalg.norm(hypothesis.jacobian[:, own], axis=0) * (upper - lower)[own]
     sharpest = own[np.argmax(known)]
     others = own[own != sharpest]
-    spread = np.resize(_BESIDE_SPREADS, _BESIDE_CROWD)[:, None] * (upper - lower)[others]
+    spread = np.resize(_EDGE_SPREADS, _EDGE_CROWD)[:, None] * (upper - lower)[others]
     found: list[tuple[float, _Array]] = []
     for share in _OFF:
         u = hypothesis.u.copy()
         u[sharpest] += share * (upper - lower)[sharpest]
         u = np.clip(u, lower, upper)
         crowd = np.clip(u[others] + spread * rng.standard_normal(spread.shape), lower[others], upper[others])
-        found.append(_evolved(problem, u, others, rng, init=crowd, maxiter=_BESIDE_GENERATIONS, tol=0.0))
+        found.append(_evolved(problem, u, others, rng, init=crowd, maxiter=_EDGE_GENERATIONS, tol=0.0))
     return np.array([u for _, u in sorted(found, key=lambda item: item[0])])
 
 
 def _evolved(
     problem: FitProblem, u: _Array, moved: NDArray[np.int64], rng: np.random.Generator, **options: Any
 ) -> tuple[float, _Array]:
-    """Lowest objective, and deviations (k,) there, that differential evolution of some parameters finds."""
-
-    def rows(columns: _Array) -> _Array:
-        u_ = np.tile(u, (columns.shape[1], 1))
-        u_[:, moved] = columns.T
-        return u_
-
+    """Lowest objective, and the point (k,), that differential evolution of some parameters finds."""
     found = differential_evolution(
-        lambda columns: np.nan_to_num(objectives(problem, rows(columns)), nan=np.inf),
+        lambda columns: np.nan_to_num(objectives(problem, _moved(u, moved, columns.T)), nan=np.inf),
         problem.scaled_bounds[:, moved].T, polish=False, vectorized=True, updating="deferred", rng=rng, **options,
     )  # fmt: skip
-    return float(found.fun), rows(found.x[:, None])[0]
+    return float(found.fun), _moved(u, moved, found.x[None])[0]
+
+
+def _moved(u: _Array, columns: list[int] | NDArray[np.int64], values: _Array) -> _Array:
+    """Copies (n, k) of a point with other values (n, d) in some columns."""
+    rows = np.tile(u, (len(values), 1))
+    rows[:, columns] = values
+    return rows

@@ -1,4 +1,4 @@
-"""What an effect promises before it is fitted."""
+"""Signatures: the objective that an effect promises before it is fitted."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from errorscreen.effects.base import Effect
 from errorscreen.parameters import Parameter, ParameterSpace
 from errorscreen.simulators.base import Simulator
 
-#: draws of later rounds scatter by these shares of the ranges around so many of the best
+#: spreads of the draws of later rounds in shares of the ranges, and the best draws that they scatter around
 SPREADS, _ELITE = (0.1, 0.03, 0.01), 8
-#: effects that go on to the second round of draws and to those after it, the best for each that is fitted to the end
-_RACE = (4, 2, 1)
-#: what is kept of the best draws
+#: successive halving: effects that go on to rounds 2, 3 and 4, for each that is fitted to the end
+_HALVING = (4, 2, 1)
+#: keys of a stored draw
 _KEPT = ("objective", "shares", "steps")
 #: rounds of draws
 ROUNDS = 1 + len(SPREADS)
-#: draws of an effect with a single parameter; with d parameters so many times d squared, up to what is asked for
+#: draws of an effect with d parameters: so many times d², at most `n_draws`
 _DRAWS_PER_SQUARE = 12
-#: strength at which the linear model is asked for that of an effect, as a share of its range
+#: share of its range at which the linear model of a strength is taken
 _PROBED = 1e-6
 #: a parameter whose bounds have at least this ratio is drawn in the logarithm
 WIDE = 10.0
@@ -47,11 +47,11 @@ class SignatureSearch:
     .. math:: \min_\delta |z(u, p) + J\delta|^2 + |u + \delta|^2/s^2
        = |z|^2 + |u|^2/s^2 - g^T (J^T J + I/s^2)^{-1} g,\quad g = J^T z + u/s^2                     \qquad (D2)
 
-    is what the joint fit can be expected to reach (Golub and Pereyra, Inverse Problems 19, 2003). Rounds of draws
-    around the best so far follow the first, over ever smaller parts of the ranges, because some effects have many local
-    minima (the frequency and phase of an oscillation). Of an effect with nothing but a strength, the linear model also
-    tells the strength, from 0 on: what is small against its range, such as a clock that is microseconds late, would
-    hardly be drawn.
+    is the objective that the joint fit can be expected to reach (Golub and Pereyra, Inverse Problems 19, 2003). Later
+    rounds draw around the best so far, over ever smaller parts of the ranges, because some effects have many local
+    minima (the frequency and phase of an oscillation). If an effect has nothing but a strength, the linear model also
+    gives the strength: one that is small against its range, such as a clock that is microseconds late, would hardly be
+    drawn.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ class SignatureSearch:
         step: float | None = None,
     ) -> None:
         self.effect, self._points = effect, points
-        self.problem = FitProblem(simulator.extend(effect), list(observations))
+        self.problem = FitProblem(simulator.extend(effect), observations)
         self._take_step(step)
         self._k = len(simulator.parameters)
         d = len(self.problem.space) - self._k
@@ -95,7 +95,7 @@ class SignatureSearch:
         self._n_draws = min(n_draws, _DRAWS_PER_SQUARE * d**2)  # one or two parameters need fewer
 
     def _take_step(self, step: float | None) -> None:
-        """Begin, with this step."""
+        """Start again with this step."""
         self.step, self._rough = step, self.problem.with_step(step)
         #: at each point the best so far: objective, shares of the ranges, steps of the other parameters
         self._best: list[list[tuple[float, _Array, _Array]]] = [[] for _ in self._points]
@@ -107,7 +107,7 @@ class SignatureSearch:
         return min((best[0][0] for best in self._best if best), default=np.inf)
 
     def run(self, rounds: int = ROUNDS) -> SignatureSearch:
-        """Go on to so many rounds in all."""
+        """Continue until so many rounds have been drawn."""
         while self._round < rounds:
             for (u, J), best in zip(self._points, self._best, strict=True):
                 shares = self._drawn(best)
@@ -133,7 +133,7 @@ class SignatureSearch:
         return np.asarray(np.clip(parents + spread * self._rng.standard_normal(parents.shape), 0.0, 1.0))
 
     def _estimated(self, u: _Array, J: _Array) -> _Array:
-        """Shares (n, 1) of the range of a strength that the linear model tells on each side of 0, if any."""
+        """Shares (n, 1) of the range of a strength by the linear model, on each side of 0."""
         space, own = self.problem.space, self._k
         lower, upper = space.bounds[own]
         ends = np.array([end for end in (lower, upper) if end != 0.0])
@@ -152,45 +152,26 @@ class SignatureSearch:
         return np.reshape(found, (-1, 1))
 
     def starts(self, n_matches: int = 0) -> _Array:
-        """Where joint fits should begin, for an effect whose objective is finite.
+        """Starts (s, k) of joint fits, in units of the scales, for an effect whose objective is finite.
 
-        Parameters
-        ----------
-        n_matches : int
-            Simulations with all other parameters drawn as well, the best of which are starts of their own.
-
-        Returns
-        -------
-        ndarray of shape (s, k)
-            In units of the scales.
+        The best two of `n_matches` simulations with all other parameters drawn as well are starts, too.
         """
         found: list[tuple[float, _Array]] = []
         for (u, _), best in zip(self._points, self._best, strict=True):
             lowest, x, step = best[0]
             if np.isfinite(lowest):
                 own = spread_over(self.problem.space, self._k, x[None], [self.effect])[0]
-                found.append((lowest, np.concatenate([u + step, own])))
-                found.append((lowest, np.concatenate([u, own])))
-        found.sort(key=lambda item: item[0])
-        starts = [start for _, start in found]
-        starts += _matches(
-            self._rough, np.array([start[self._k :] for start in starts]), n_matches, self._rng
-        )
-        return np.array(starts)
+                found += [(lowest, np.concatenate([u + step, own])), (lowest, np.concatenate([u, own]))]
+        starts = np.array([start for _, start in sorted(found, key=lambda item: item[0])])
+        if not n_matches:
+            return starts
+        drawn = self._rough.drawn(n_matches, self._rng)
+        drawn[:, self._k :] = starts[self._rng.integers(len(starts), size=n_matches), self._k :]
+        best_two = np.argsort(objectives(self._rough, drawn), kind="stable")[:2]  # NaN comes last
+        return np.vstack([starts, drawn[best_two]])
 
-    def scattered(self, n: int, random_state: Any) -> _Array:
-        """Where joint fits should begin at the nominal parameters, whatever the linear model promises.
-
-        Parameters
-        ----------
-        n : int
-            Values of the effect's own parameters: those that promise most, and others from all over their ranges.
-        random_state : None, int, SeedSequence, Generator or RandomState
-
-        Returns
-        -------
-        ndarray of shape (n, k + d)
-        """
+    def nominal_starts(self, n: int, random_state: Any) -> _Array:
+        """Starts (n, k + d) at the nominal parameters: the most promising draw of the effect, and others at random."""
         shares = latin_hypercube(self._unit, n, generator(random_state))
         known = [best[0] for best in self._best if best]
         if known:
@@ -199,7 +180,7 @@ class SignatureSearch:
         return np.hstack([np.zeros((n, self._k)), own])
 
     def packed(self) -> dict[str, NDArray[np.generic]]:
-        """All that another search of the same kind needs to go on from here."""
+        """State from which another search of the same effect can continue."""
         state = json.dumps(self._rng.bit_generator.state).encode()
         seeds: Any = self._rng.bit_generator.seed_seq  # a Latin hypercube draws from a child of it
         out: dict[str, NDArray[np.generic]] = {
@@ -215,7 +196,7 @@ class SignatureSearch:
         return out
 
     def restore(self, part: Mapping[str, NDArray[Any]]) -> SignatureSearch:
-        """Go to where a search of the same kind was when it was packed."""
+        """Take over the state of `packed`."""
         self._take_step(None if part["exact"] else self.step)
         self._rng.bit_generator.state = json.loads(part["rng"].tobytes())
         seeds: Any = self._rng.bit_generator.seed_seq
@@ -228,19 +209,15 @@ class SignatureSearch:
         return self
 
 
-def raced(searches: Sequence[SignatureSearch], n_fits: int, threads: int = 1) -> list[SignatureSearch]:
+def successive_halving(
+    searches: Sequence[SignatureSearch], n_fits: int, threads: int = 1
+) -> list[SignatureSearch]:
     """Run searches, of which fewer and fewer go on to the next round; the most promising first.
 
-    Parameters
-    ----------
-    searches : sequence of SignatureSearch
-    n_fits : int
-        Effects that will be fitted.
-    threads : int
-        Of which each has one search at a time.
+    `n_fits` effects will be fitted; each of the threads has one search at a time.
     """
     ranked, kept = list(searches), len(searches)
-    for rounds, share in enumerate((*_RACE, 0), start=1):
+    for rounds, share in enumerate((*_HALVING, 0), start=1):
         parallel_map([partial(one.run, rounds) for one in ranked[:kept]], threads)
         ranked.sort(key=lambda s: s.objective)
         kept = share * n_fits
@@ -250,7 +227,7 @@ def raced(searches: Sequence[SignatureSearch], n_fits: int, threads: int = 1) ->
 def projected(
     problem: FitProblem, rows: _Array, J: _Array, columns: NDArray[np.int64]
 ) -> tuple[_Array, _Array]:
-    """Objectives (n,) of (D2) at rows (n, k), and the steps of the columns that reach them; inf where it fails."""
+    """Objectives (n,) of (D2) at rows (n, k), inf where a simulation fails, and the steps of the columns to them."""
     z = problem.residuals(problem.values(rows))
     failed = np.isnan(z).any(axis=1)
     z[failed] = 0.0
@@ -267,10 +244,10 @@ def _minimum(J: _Array, slope: _Array) -> _Array:
 
 
 def spread_over(space: ParameterSpace, first: int, shares: _Array, effects: Sequence[Effect] = ()) -> _Array:
-    """Deviations of the parameters from number `first` on, at shares (n, d) of their ranges.
+    """Deviations (n, d) of the parameters from number `first` on, at shares (n, d) of their ranges.
 
-    Ranges over more than a decade are divided evenly in the logarithm: time constants and rates are known by order of
-    magnitude. A range that begins at 0, or is symmetrical, begins at `Effect.smallest` where that is given.
+    Ranges over more than a decade are divided in the logarithm: time constants and rates are known by order of
+    magnitude. A range that begins at 0, or is symmetrical, begins at `Effect.smallest` where given.
     """
     lower, upper = space.bounds[first:].T
     least = {effect.local(name): value for effect in effects for name, value in effect.smallest.items()}
@@ -285,21 +262,6 @@ def spread_over(space: ParameterSpace, first: int, shares: _Array, effects: Sequ
     return np.asarray((sign * values - space.nominal[first:]) / space.scales[first:])
 
 
-def _matches(problem: FitProblem, own: _Array, n: int, rng: np.random.Generator) -> list[_Array]:
-    """Best two of n simulations with all other parameters drawn, and the effect's among those given."""
-    if not n:
-        return []
-    k = len(problem.space) - own.shape[1]
-    u = problem.drawn(n, rng)
-    u[:, k:] = own[rng.integers(len(own), size=n)]
-    return _lowest(problem, u, 2)
-
-
 def objectives(problem: FitProblem, u: _Array) -> _Array:
     """χ² with the prior's term at rows (n, k); NaN where the simulation fails."""
     return np.asarray(problem.chi_square(problem.values(u)) + ((u / PRIOR) ** 2).sum(axis=1))
-
-
-def _lowest(problem: FitProblem, u: _Array, n: int) -> list[_Array]:
-    """The n rows with the lowest objective, that first."""
-    return list(u[np.argsort(objectives(problem, u), kind="stable")[:n]])  # NaN comes last

@@ -1,7 +1,7 @@
-r"""How well an unknown signal explains the recordings once it may have detail that its knots are too coarse for.
+r"""Evidence of an unknown signal with fine detail between its knots.
 
-A power step has edges that no signal between knots follows, and what it leaves there makes a wrong place look better:
-one whose inertia smooths them anyway. So signals are compared with fine detail, to which responses are linear,
+A power step has edges that no signal between knots follows. What it leaves there favours a wrong location whose inertia
+smooths the edges anyway. So signals are compared with fine detail, to which responses are linear,
 
 .. math::
 
@@ -11,8 +11,8 @@ one whose inertia smooths them anyway. So signals are compared with fine detail,
 with residuals r and their sensitivities J to the deviations u of parameters and knots inside their bounds, whose prior
 has the standard deviation s as in (D1), and G to narrow pulses all over the window. Their heights are a sample of white
 noise of standard deviation τ, so that responses have the covariance K of a Gaussian process, and this is its marginal
-likelihood at the τ that makes it largest (C. E. Rasmussen and C. K. I. Williams, *Gaussian Processes for Machine
-Learning*, 2006, equation 2.30 and section 5.4.1). At the right place little detail explains much.
+likelihood at the best τ (C. E. Rasmussen and C. K. I. Williams, *Gaussian Processes for Machine Learning*, 2006,
+equation 2.30 and section 5.4.1). At the right location little detail explains much.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ from errorscreen.discovery.fits.noise import inflation_of
 from errorscreen.effects.latent_input import KNOTS, PULSE
 from errorscreen.exceptions import SimulationError
 
-#: most pulses in the window of a recording; no more than its samples
+#: most pulses in the window of a recording, at most its samples
 _PULSES = 256
 #: step of the differences, in multiples of a signal's scale
 _STEP = 1e-4
-#: decades of τ that are tried, from where the pulse that shows most makes a tenth of the noise; steps in a decade
+#: decades of τ, from where the most visible pulse makes a tenth of the noise, and values in a decade
 _DECADES, _PER_DECADE = 7, 2
-#: how near ln τ comes to the best
+#: tolerance of ln τ
 _NEAR = 0.02
-#: steps at most, shares of the way to the minimum that are tried, and how much lower the cost must be for another one
+#: most steps, shares of each that are tried, and the decrease of the cost that makes another one worthwhile
 _STEPS, _SHARES, _WORTH = 3, np.array([0.125, 0.25, 0.5, 0.75, 1.0]), 4.0
 #: keeps a normal matrix of unit diagonal positive definite in floating point
 _JITTER = 1e-12
@@ -46,8 +46,8 @@ _JITTER = 1e-12
 _Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Detailed:
+@dataclass(frozen=True, repr=False)
+class DetailedSignal:
     """An unknown signal with fine detail.
 
     Parameters
@@ -55,17 +55,17 @@ class Detailed:
     hypothesis : Hypothesis
         With the signal between knots alone.
     evidence : float
-        (D7), for χ² less the noise that passes, as that of `Hypothesis`.
+        (D7), for χ² less the propagated noise, as that of `Hypothesis`.
     height : float
-        τ, in multiples of the signal's scale.
+        τ in multiples of the signal's scale.
     residuals : ndarray of shape (N,)
-        What signal and detail leave.
+        After signal and detail.
     freedom : float
-        How many values deviations and detail take up: noise alone leaves a χ² of N less these.
+        Degrees of freedom of deviations and detail: noise alone leaves a χ² of N less these.
     knots : ndarray of shape (KNOTS,)
         Of the signal in the first recording, in the unit of the port.
     pulses : ndarray of shape (p,)
-        Heights of the pulses there, at the most probable detail if what is left counts as noise of its size.
+        Heights of the pulses there, at the most probable detail if the residuals are noise of their size.
     n_simulations : int
     """
 
@@ -80,18 +80,18 @@ class Detailed:
 
     @property
     def excess(self) -> float:
-        """χ² of what is left beyond that of noise."""
+        """χ² of the residuals beyond that of noise."""
         chi2 = float(self.residuals @ self.residuals) - float(self.hypothesis.propagated.sum())
         return chi2 - (len(self.residuals) - self.freedom)
 
     @property
     def chi2_per_sample(self) -> float:
-        """χ² over the number of values that are not taken up."""
+        """χ² over the degrees of freedom that are left."""
         return 1.0 + self.excess / (len(self.residuals) - self.freedom)
 
     @property
     def inflation(self) -> float:
-        """How much larger, and smoother, what is left is than noise, see `noise_inflation`."""
+        """How much larger and smoother the residuals are than noise, see `noise_inflation`."""
         return inflation_of(self.hypothesis.observations, self.residuals, self.freedom)
 
 
@@ -129,7 +129,7 @@ class Covariance:
         return float(np.log1p(height**2 * self._powers).sum())
 
     def freedom(self, height: float) -> float:
-        """Trace of the identity less the inverse of K: values that the detail takes up."""
+        """Degrees of freedom of the detail: trace of the identity less the inverse of K."""
         return float((self._powers * self._share(height)).sum())
 
     def solve(self, height: float, values: _Array) -> _Array:
@@ -137,7 +137,7 @@ class Covariance:
         return np.asarray(values - self._pulses @ (self._share(height) * (self._pulses.T @ values).T).T)
 
     def products(self, values: _Array) -> tuple[_Array, _Array]:
-        """What `product` needs of values (n, m)."""
+        """Products of values (n, m) that serve `product` for all τ."""
         return values.T @ values, self._pulses.T @ values
 
     def product(self, height: float, products: tuple[_Array, _Array]) -> _Array:
@@ -146,18 +146,18 @@ class Covariance:
         return np.asarray(whole - along.T @ (self._share(height)[:, None] * along))
 
     def heights(self, height: float, solved: _Array) -> _Array:
-        """Most probable heights (p,) of the pulses, from the inverse of K times what they are to explain (n,)."""
+        """Most probable heights (p,) of the pulses, from the inverse of K times the residuals (n,)."""
         return np.asarray(-(height**2) * self._axes @ (self._pulses.T @ solved))
 
     def _share(self, height: float) -> _Array:
         return height**2 / (1.0 + height**2 * self._powers)
 
 
-def detailed(hypothesis: Hypothesis) -> Detailed:
+def with_fine_detail(hypothesis: Hypothesis) -> DetailedSignal:
     """Give a fitted unknown signal fine detail.
 
-    Without detail a fit may have drawn parameters far from where they belong, so it goes on from there: a few steps of
-    Gauss and Newton with K as the covariance of the noise, each as far as simulations confirm.
+    Without detail a fit may have drawn parameters far off, so some Gauss-Newton steps follow with K as the covariance
+    of the noise, each as far as simulations confirm.
 
     Parameters
     ----------
@@ -166,28 +166,28 @@ def detailed(hypothesis: Hypothesis) -> Detailed:
 
     Returns
     -------
-    Detailed
+    DetailedSignal
 
     Raises
     ------
     SimulationError
         If the hypothesis cannot be simulated.
     """
-    comparison = _Comparison(hypothesis)
+    fit = _DetailedFit(hypothesis)
     for _ in range(_STEPS):
-        if not comparison.step():
+        if not fit.step():
             break
-    return comparison.result()
+    return fit.result()
 
 
-class _Comparison:
-    """Signal and detail of one hypothesis, and where parameters and knots have got to; K stays that of the fit."""
+class _DetailedFit:
+    """Signal and detail of one hypothesis at the current parameters and knots; K stays that of the fit."""
 
     def __init__(self, hypothesis: Hypothesis) -> None:
         self.hypothesis = hypothesis
-        self._problem = FitProblem(hypothesis.simulator, list(hypothesis.observations), hypothesis.names)
+        self._problem = FitProblem(hypothesis.simulator, hypothesis.observations, hypothesis.names)
         pulses, self._count = _sensitivities(hypothesis)
-        # recordings of the same name have the same signal, and the same detail; others have nothing in common
+        # recordings of the same name share signal and detail; others have nothing in common
         ends = np.cumsum([len(g) for g in pulses])
         names = [o.event.name for o in hypothesis.observations]
         recordings = [np.arange(end - len(g), end) for g, end in zip(pulses, ends, strict=True)]
@@ -199,7 +199,7 @@ class _Comparison:
         self._move(hypothesis.u, hypothesis.residuals, hypothesis.jacobian)
 
     def _move(self, u: _Array, residuals: _Array, jacobian: _Array) -> None:
-        """Linearise anew."""
+        """Take over another point and its linear model."""
         self._u, self._residuals = u, residuals
         columns = np.column_stack([jacobian, residuals - jacobian @ u])
         pairs = zip(self._covariances, self._rows, strict=True)
@@ -207,7 +207,7 @@ class _Comparison:
         self._tau = self._height()
 
     def step(self) -> bool:
-        """Go towards the minimum of the linear model as far as (D7) grows; whether that was worth it."""
+        """Go towards the minimum of the linear model as far as (D7) grows; return whether it grew enough."""
         *_, u = self._at(self._tau)
         trials = self._u + _SHARES[:, None] * (u - self._u)
         found = self._problem.residuals(self._problem.values(trials))
@@ -218,8 +218,8 @@ class _Comparison:
         self._move(trials[best], *linearised(self._problem, trials[best]))
         return True
 
-    def result(self) -> Detailed:
-        """Where it is, at the best τ."""
+    def result(self) -> DetailedSignal:
+        """Signal at the current point, at the best τ."""
         _, determinants, A, _ = self._at(self._tau)
         solved = self._solve(self._tau, self._residuals)
         free = len(A) - float(np.trace(np.linalg.inv(A))) / PRIOR**2
@@ -228,10 +228,10 @@ class _Comparison:
         theta = self._problem.embed(self._problem.values(self._u))[0]
         scale = float(parameters[local(PULSE[0])].scale or 1.0)
         freedom = free + sum(k.freedom(self._tau) for k in self._covariances)
-        # what is left even so is no noise: detail that shows no more than that would be told as if it were known
+        # residuals after the detail are no noise: detail of their size must not be shown as if it were known
         shown = self._tau / np.sqrt(inflation_of(self.hypothesis.observations, solved, freedom))
         pulses = self._covariances[0].heights(shown, self._solve(shown, self._residuals)[self._rows[0]])
-        return Detailed(
+        return DetailedSignal(
             self.hypothesis,
             -0.5 * (self._cost(self._u, self._residuals) + determinants),
             self._tau,
@@ -243,7 +243,7 @@ class _Comparison:
         )
 
     def _cost(self, u: _Array, residuals: _Array) -> float:
-        """Quadratic terms of (D7) less the noise that passes, infinite where nothing could be simulated."""
+        """Quadratic terms of (D7) less the propagated noise; infinite where a simulation failed."""
         if not np.isfinite(residuals).all():
             return np.inf
         propagated = float(self.hypothesis.propagated.sum() + self.hypothesis.slope @ (u - self.hypothesis.u))
@@ -272,11 +272,11 @@ class _Comparison:
         return -0.5 * (least + determinants)
 
     def _at(self, height: float) -> tuple[float, float, _Array, _Array]:
-        """Least quadratic terms of (D7), both determinants, matrix of the terms, and where they are least."""
+        """Minimum of the quadratic terms of (D7), both determinants, matrix of the terms, and the minimiser."""
         pairs = zip(self._covariances, self._products, strict=True)
         products = np.sum([k.product(height, values) for k, values in pairs], axis=0)
         A = products[:-1, :-1] + np.eye(len(products) - 1) / PRIOR**2
-        # a fit that lets less noise pass is no better, see `BoundedSearch.tilt`
+        # noise-bias correction, see `BoundedSearch.tilt`
         slope = 2.0 * products[:-1, -1] - self.hypothesis.slope
         scale = np.sqrt(np.diag(A))
         scaled = A / np.outer(scale, scale) + _JITTER * np.eye(len(A))
@@ -293,10 +293,7 @@ class _Comparison:
 
 
 def _sensitivities(hypothesis: Hypothesis) -> tuple[list[_Array], int]:
-    """Change of each recording's residuals (n, p) for a pulse of the signal's scale, and how many simulations it took.
-
-    Recordings have signals of their own: pulses of all of them share a simulation.
-    """
+    """Change of each recording's residuals (n, p) for a pulse of the signal's scale, and the simulations it took."""
     names = [signal.local(name) for signal in hypothesis.effects for name in PULSE]
     simulator = hypothesis.simulator.with_nominal(hypothesis.theta)
     samples = [int((o.time > o.event.start).sum()) for o in hypothesis.observations]
@@ -310,6 +307,6 @@ def _sensitivities(hypothesis: Hypothesis) -> tuple[list[_Array], int]:
         z = problem.residuals(rows)
         if not np.isfinite(z[-1]).all():
             raise SimulationError(f"{hypothesis.name} cannot be simulated where its fit has ended")
-        found.append(np.nan_to_num((z[:-1] - z[-1]) / _STEP).T)  # what cannot be simulated shows nothing
+        found.append(np.nan_to_num((z[:-1] - z[-1]) / _STEP).T)  # a failed pulse shows nothing
         count += problem.n_simulations
     return found, count

@@ -1,33 +1,38 @@
-"""Where something enters that no effect explains: an unknown signal, estimated in turn at each port that has one."""
+"""Where an unknown input enters: a signal is fitted at each port in turn."""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from errorscreen._runtime.display import Displayed
 from errorscreen._runtime.threads import parallel_map
 from errorscreen._runtime.typed import InMemory, Real, Series
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.discovery.fits.halving import attempted, race
+from errorscreen.discovery.fits.halving import fit_to_end, try_all
 from errorscreen.discovery.fits.hypotheses import SLICE, Hypothesis, JointFit
 from errorscreen.discovery.judge.separation import States, device_name, states_of
 from errorscreen.discovery.search.journal import Journal
-from errorscreen.discovery.unknown_input.fine_detail import Detailed, detailed
+from errorscreen.discovery.unknown_input.fine_detail import DetailedSignal, with_fine_detail
 from errorscreen.effects.base import Effect
 from errorscreen.effects.latent_input import KNOTS, PULSE
 from errorscreen.events import InputSignal, Playback
 
-#: a signal that explains less than this share of what parameters leave beyond noise says nothing about the place
+_log = logging.getLogger(__name__)
+
+#: least share of the excess of the base fit (χ² beyond noise) that a signal must explain
 _EXPLAINS = 0.1
-#: a quantity moves with another if their correlation is at least this
+#: least correlation at which a signal is said to move with a quantity
 _MOVES = 0.5
-#: power of what a place leaves beyond noise, as for effects whose form is wrong
+#: power of the excess of a location, as for effects of another form
 _FORM = 2.0
-#: how much more probable than another a place can be for its signal alone
+#: largest odds from the simplicity of a signal
 _SIMPLER = 3.0
 #: instants of a waveform in the result, at most
 _POINTS = 200
@@ -36,7 +41,7 @@ _Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class InputLocation:
+class InputLocation(Displayed):
     """A port at which an unknown signal would explain the recordings.
 
     Parameters
@@ -46,17 +51,17 @@ class InputLocation:
     probability : float
         Among all ports.
     chi2_per_sample : float
-        With the signal and its fine detail, over the values that these do not take up.
+        With the signal and its fine detail, over the degrees of freedom that are left.
     time, waveform : ndarray of shape (L,)
-        Of the signal, with its detail, in the first recording, in the unit of the port.
+        The signal with its detail in the first recording, in the unit of the port.
     follows : tuple of (str, float)
-        Signals, and states of the device, of the model without it, and their correlation with it, the largest first.
+        Signals and states of the device in the model without it, and their correlation with it, the largest first.
     unit : str
         Of the waveform.
     explained : float
-        Share of what parameters leave beyond noise that the signal explains without that detail.
+        Share of the base fit's excess that the signal explains without the detail.
     states : mapping of (str, str) to ndarray of shape (L,)
-        Inside all devices with the signal, without that detail, in the first recording, by device and name.
+        Of all devices with the signal without the detail, in the first recording, by device and name.
     """
 
     device: str
@@ -68,7 +73,10 @@ class InputLocation:
     follows: tuple[tuple[str, Real], ...]
     unit: str = "pu"
     explained: Real = 1.0
-    states: InMemory[States] = field(default_factory=dict, repr=False, compare=False)
+    states: InMemory[States] = field(default_factory=dict, compare=False)
+
+    def _facts(self) -> dict[str, Any]:
+        return {"location": self.name, "probability": f"{self.probability:.2f}", "signal": self.text}
 
     @property
     def name(self) -> str:
@@ -104,23 +112,22 @@ class InputLocation:
 
 
 def rank_input_locations(base: Hypothesis, journal: Journal | None = None) -> tuple[list[InputLocation], int]:
-    """Fit an unknown signal together with all parameters, in turn at each port that has one.
+    """Fit an unknown signal together with all parameters, at each port in turn.
 
-    It is another one in each recording. A fit that has come to rest far above the best is not led to its end (`race`).
-    Signals are compared with detail that their knots are too coarse for (`detailed`). What is left even so tells less
-    about the place than noise would (`probabilities_of`).
+    Each recording has a signal of its own. A fit that ends far above the best is stopped (`fit_to_end`). Signals are
+    compared with the fine detail that their knots cannot show (`with_fine_detail`); see `probabilities_of`.
 
     Parameters
     ----------
     base : Hypothesis
         Without effects.
     journal : Journal, optional
-        Finished parts of the search: what the fits have reached is kept there.
+        Keeps the fits.
 
     Returns
     -------
-    places : list of InputLocation
-        The most probable first; empty where the simulator has no ports, or a signal explains next to nothing at any.
+    locations : list of InputLocation
+        The most probable first; empty where the simulator has no ports, or no signal explains enough.
     n_simulations : int
     """
     journal = Journal() if journal is None else journal
@@ -136,52 +143,45 @@ def rank_input_locations(base: Hypothesis, journal: Journal | None = None) -> tu
             simulator = simulator.extend(signal)
         fixed = {signal.local(name) for signal in signals for name in (signal.strength.name, *PULSE)}
         names = [name for name in simulator.parameters.names if name not in fixed]
-        problems[signals] = FitProblem(simulator, list(base.observations), names)
-        # fitted parameters have made up for much of what is missing; from there a signal often ends in a local minimum
+        problems[signals] = FitProblem(simulator, base.observations, names)
+        # also from nominal: fitted parameters have made up for the input, and lead to a local minimum
         starts = np.zeros((2, len(names)))
         starts[0, : len(base.u)] = base.u
-        calls.append(partial(_begun, signals, problems[signals], starts))
+        calls.append(partial(_first_fit, signals, problems[signals], starts))
     threads = base.simulator.threads
+    _log.info("unknown input at %d ports", len(calls))
 
-    def raced() -> list[Hypothesis]:
-        return parallel_map([fit.hypothesis for fit in race(attempted(calls, threads), threads)], threads)
+    def fitted() -> list[Hypothesis]:
+        fits = fit_to_end(try_all(calls, threads), threads)
+        return parallel_map([fit.hypothesis for fit in fits], threads)
 
-    found = journal.all_fitted(problems, raced)
+    found = journal.all_fitted(problems, fitted)
     count = sum(problem.n_simulations for problem in problems.values())
-    # detail alone, without a signal between knots, would explain anything a little
+    # fine detail without a signal would explain anything a little
     found = [hypothesis for hypothesis in found if _explained(hypothesis, base) >= _EXPLAINS]
-    tried = attempted([partial(detailed, hypothesis) for hypothesis in found], threads)
+    tried = try_all([partial(with_fine_detail, hypothesis) for hypothesis in found], threads)
     full = [signal for signal in tried if signal is not None]
     count += sum(signal.n_simulations for signal in full)
     if not full:
         return [], count
-    moving = _moving(base)
+    quantities = _quantities(base)
     pairs = zip(full, probabilities_of(full), strict=True)
-    places = [_place(s, float(w), _explained(s.hypothesis, base), moving) for s, w in pairs]
-    return sorted(places, key=lambda p: (-p.probability, p.chi2_per_sample)), count
+    locations = [_location(s, float(w), _explained(s.hypothesis, base), quantities) for s, w in pairs]
+    return sorted(locations, key=lambda p: (-p.probability, p.chi2_per_sample)), count
 
 
-def _begun(signals: Sequence[Effect], problem: FitProblem, starts: _Array) -> JointFit:
+def _first_fit(signals: Sequence[Effect], problem: FitProblem, starts: _Array) -> JointFit:
     return JointFit(signals, problem, starts).run(SLICE).keep(1)
 
 
-def probabilities_of(found: Sequence[Detailed]) -> _Array:
-    """Probabilities by what each place leaves, and a little by how simple its signal is.
+def probabilities_of(found: Sequence[DetailedSignal]) -> _Array:
+    """Probabilities (n,) of locations by their excess, and a little by how simple the signal is.
 
-    What the best leaves beyond noise counts as noise of that size and smoothness (`noise_inflation`). But it is no
-    noise: a linear model of the detail, and a device with other parameters, leave errors of form everywhere, and the
-    wrong place can leave a little less of them. So the odds of two places are no longer than the squares of what they
-    leave. Evidence, (D7), also tells which signal is simpler, but that rests on what is thought likely at each port: an
-    input of a controller and its output explain the same by different signals. It counts three to one at most.
-
-    Parameters
-    ----------
-    found : sequence of Detailed
-        One for each place.
-
-    Returns
-    -------
-    ndarray of shape (n,)
+    The best excess counts as noise of that size and smoothness (`noise_inflation`). But it is no noise: the linear
+    model of the detail and wrong parameters of a device leave errors of form everywhere, and the wrong location may
+    leave a little less. So the odds of two locations are at most the squared ratio of their excesses. Evidence, (D7),
+    also prefers simple signals, but that depends on the prior of each port: an input of a controller and its output
+    explain the same by different signals. It counts at most three to one.
     """
     n = len(found[0].residuals)
     evidence, excess = (np.array([getattr(s, name) for s in found]) for name in ("evidence", "excess"))
@@ -196,13 +196,13 @@ def probabilities_of(found: Sequence[Detailed]) -> _Array:
 
 
 def _explained(hypothesis: Hypothesis, base: Hypothesis) -> float:
-    """Share of what the base leaves beyond noise that a hypothesis explains."""
+    """Share of the base fit's excess that a hypothesis explains."""
     n = len(base.residuals)
     return float(np.clip((base.chi2 - hypothesis.chi2) / max(base.chi2 - n, 1.0), 0.0, 1.0))
 
 
 def waveform(knots: _Array, time: _Array, start: float, pulses: _Array | None = None) -> _Array:
-    """Values of (I1) at some instants in seconds, for an event at `start`, with equally distant pulses if given.
+    """Values of (I1) at instants in seconds for an event at `start`, with equally spaced pulses if given.
 
     Examples
     --------
@@ -216,10 +216,10 @@ def waveform(knots: _Array, time: _Array, start: float, pulses: _Array | None = 
     return signal + np.interp(share * len(pulses), np.arange(len(pulses) + 1), np.r_[0.0, pulses])
 
 
-def _moving(base: Hypothesis) -> dict[str, dict[str, _Array]]:
-    """Signals of the first recording, and states of each device, that an unknown signal may depend on.
+def _quantities(base: Hypothesis) -> dict[str, dict[str, _Array]]:
+    """Signals and states of each device that an unknown input may depend on, in the first recording.
 
-    Without that signal, because all that it acts on moves with it.
+    They are simulated without the input, because all that it acts on moves with it.
     """
     observation = base.observations[0]
     event, time = observation.event, observation.time
@@ -234,8 +234,8 @@ def _moving(base: Hypothesis) -> dict[str, dict[str, _Array]]:
     return {device: signals | base.simulator.trajectories(base.theta, event, device) for device in devices}
 
 
-def _place(
-    found: Detailed, probability: float, explained: float, moving: dict[str, dict[str, _Array]]
+def _location(
+    found: DetailedSignal, probability: float, explained: float, quantities: dict[str, dict[str, _Array]]
 ) -> InputLocation:
     hypothesis = found.hypothesis
     effect, observation = hypothesis.effects[0], hypothesis.observations[0]
@@ -243,7 +243,7 @@ def _place(
     signal = waveform(found.knots, time, start, found.pulses)
     after = time >= start
     follows = []
-    for name, values in moving[effect.device].items():
+    for name, values in quantities[effect.device].items():
         a, b = signal[after] - signal[after].mean(), values[after] - values[after].mean()
         norm = float(np.sqrt((a @ a) * (b @ b)))
         if norm > 0:

@@ -6,7 +6,7 @@ import pytest
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.calibration.search import BoundedSearch, Track
 from errorscreen.data.observations import Observation
-from errorscreen.discovery.fits.hypotheses import PRIOR, JointFit, described, fit_hypothesis, linearised
+from errorscreen.discovery.fits.hypotheses import PRIOR, JointFit, fit_hypothesis, hypothesis_of, linearised
 from errorscreen.discovery.starts.signatures import SignatureSearch
 from tests.discovery.conftest import PLANT_NOISE, observed
 from tests.plants import dip, plant
@@ -24,7 +24,7 @@ def test_evidence_is_the_marginal_likelihood_of_a_linear_model():
     u = -np.linalg.solve(A, J.T @ r)
     search = BoundedSearch(problem.residuals, *problem.scaled_bounds, prior=PRIOR, tol=1e-2, step=1e-4)
     search.tracks = [Track(u, r + J @ u, 0.0, J, state="converged")]
-    found = described((), problem, search, 0.0)
+    found = hypothesis_of((), problem, search, 0.0)
     covariance = np.eye(n) + PRIOR**2 * J @ J.T
     expected = -0.5 * r @ np.linalg.solve(covariance, r) - 0.5 * np.linalg.slogdet(covariance)[1]
     assert found.evidence == pytest.approx(expected, rel=1e-9)

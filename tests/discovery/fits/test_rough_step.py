@@ -8,7 +8,7 @@ from errorscreen.cases import load_ieee39
 from errorscreen.data.observations import Observation
 from errorscreen.discovery.fits.hypotheses import JointFit, linearised
 from errorscreen.discovery.fits.rough_step import good_enough, rough_step
-from errorscreen.discovery.search.growing_fits import Growth
+from errorscreen.discovery.search.partwise_fits import PartwiseFit
 from errorscreen.discovery.starts.signatures import SignatureSearch
 from errorscreen.events import InputSignal, LineTrip
 from errorscreen.parameters import Parameter
@@ -136,5 +136,5 @@ def test_each_effect_has_the_longer_step_only_where_it_is_good_enough_with_it(sh
     again = search().restore(first.packed()).run()
     assert again.step == longer
     assert again.objective == whole.objective
-    growth = Growth([effect], whole.problem, whole.starts(), 0, 4 * model.step).run()
-    assert growth.step == longer
+    fit = PartwiseFit([effect], whole.problem, whole.starts(), 0, 4 * model.step).run()
+    assert fit.step == longer

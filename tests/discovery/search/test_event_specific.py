@@ -8,7 +8,7 @@ import pytest
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.data.observations import Observation
 from errorscreen.discovery import CauseFinder
-from errorscreen.discovery.fits.hypotheses import candidates
+from errorscreen.discovery.fits.candidates import candidates
 from errorscreen.effects import FAULT_DURATION, GOVERNOR
 from errorscreen.exceptions import InputError
 from tests.plants import dip, plant, random_rows

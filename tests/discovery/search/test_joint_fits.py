@@ -5,11 +5,11 @@ import pytest
 
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery import CauseFinder
-from errorscreen.discovery.fits.hypotheses import candidates, fit_hypothesis
-from errorscreen.discovery.search import model_search as competition
-from errorscreen.discovery.search.joint_fits import anew
+from errorscreen.discovery.fits.candidates import candidates
+from errorscreen.discovery.fits.hypotheses import fit_hypothesis
+from errorscreen.discovery.search import model_search
+from errorscreen.discovery.search.joint_fits import fits_from_nominal
 from errorscreen.discovery.starts.signatures import SignatureSearch
-from tests.discovery.conftest import logged
 from tests.discovery.search.test_event_specific import named, observed
 from tests.plants import dip, plant
 
@@ -28,22 +28,21 @@ def seeds(searches):
     return [np.random.SeedSequence([1, i]) for i in range(len(searches))]
 
 
-def test_what_no_signature_promises_is_found(spring, monkeypatch):
+def test_what_no_signature_promises_is_found(spring, monkeypatch, caplog):
     """The right effect is not among those whose joint fits are begun first."""
     first = []
-    plain = competition.promised
+    plain = model_search.fits_from_signatures
 
     def others(base, searches, *args):
         first.extend(s.effect.name for s in searches if s.effect.name != HIDDEN)
         return plain(base, [s for s in searches if s.effect.name != HIDDEN], *args)
 
-    monkeypatch.setattr(competition, "promised", others)
+    monkeypatch.setattr(model_search, "fits_from_signatures", others)
     model, recording = spring
     effects = ["offset_position", "lag_position", "force.lag", HIDDEN]
-    with logged() as lines:
-        found = CauseFinder(model, effects, n_fits=1, random_state=0).fit(recording)
+    found = CauseFinder(model, effects, n_fits=1, random_state=0).fit(recording)
     assert first
-    assert any("from the nominal parameters" in line for line in lines)
+    assert any("from the nominal parameters" in line for line in caplog.messages)
     assert found.verdict_.kind == "effect"
     assert found.causes_[0].name == HIDDEN
 
@@ -53,7 +52,7 @@ def test_fits_begin_at_nominal_parameters_and_all_over_the_effects_own(spring):
     effect = next(e for e in model.effects if e.name == HIDDEN)
     base = fit_hypothesis((), FitProblem(model, observation), np.zeros(2))
     (search,) = searches_of(model, [observation], [effect], base)
-    begun = search.scattered(5, 0)
+    begun = search.nominal_starts(5, 0)
     assert begun.shape == (5, 3)
     assert np.array_equal(begun[:, :2], np.zeros((5, 2)))
     best = search.starts()[0, 2]
@@ -61,7 +60,7 @@ def test_fits_begin_at_nominal_parameters_and_all_over_the_effects_own(spring):
     lower, upper = search.problem.scaled_bounds
     assert np.all((begun[:, 2] >= lower[2]) & (begun[:, 2] <= upper[2]))
     assert min(begun[1:, 2]) < 0 < max(begun[1:, 2])
-    assert np.array_equal(begun, search.scattered(5, 0))
+    assert np.array_equal(begun, search.nominal_starts(5, 0))
 
 
 def test_the_right_effect_gets_furthest(spring):
@@ -69,7 +68,7 @@ def test_the_right_effect_gets_furthest(spring):
     base = fit_hypothesis((), FitProblem(model, observation), np.zeros(2))
     effects = [e for e in candidates(model, [observation]) if e.minima == 1]
     searches = searches_of(model, [observation], effects, base)
-    fits = anew(searches, 3, seeds(searches))
+    fits = fits_from_nominal(searches, 3, seeds(searches))
     assert len(fits) == 3
     assert [e.name for e in min(fits, key=lambda fit: fit.objective).effects] == [HIDDEN]
 
@@ -86,5 +85,5 @@ def test_only_the_best_recording_of_an_effect_goes_on(where):
     effects = [e for e in candidates(machine, observations) if e.original == "oscillation"]
     assert len(effects) == 2
     searches = searches_of(machine, observations, effects, base)
-    (fit,) = anew(searches, 3, seeds(searches))
+    (fit,) = fits_from_nominal(searches, 3, seeds(searches))
     assert [e.recording for e in fit.effects] == [where]

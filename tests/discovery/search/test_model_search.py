@@ -14,11 +14,9 @@ from errorscreen.data.recordings import Recording
 from errorscreen.discovery import CauseFinder
 from errorscreen.discovery.fits.hypotheses import parameters_only
 from errorscreen.discovery.judge.candidate_set import CandidateSet
-from errorscreen.discovery.search import growing_fits as growth_module
-from errorscreen.discovery.search import model_search as competition_module
-from errorscreen.discovery.search import refinement as refinement_module
-from errorscreen.discovery.search.growing_fits import begun
+from errorscreen.discovery.search import model_search, partwise_fits, refinement
 from errorscreen.discovery.search.model_search import ModelSearch
+from errorscreen.discovery.search.partwise_fits import start_partwise
 from errorscreen.discovery.starts.signatures import SignatureSearch
 from tests.simulators.models import oscillator, push
 
@@ -26,11 +24,11 @@ TIME = np.arange(0.0, 60.0, 0.3)
 NAMES = "velocity.cubic(position)", "force.lag"
 
 
-def competition(simulator, observation, **options):
+def new_search(simulator, observation, **options):
     fitted = MAPCalibrator(simulator, random_state=0).fit(observation)
     base = parameters_only(FitProblem(simulator, observation), fitted.theta_, "converged")
     options = {"max_effects": 1, "n_fits": 6, "n_draws": 32, "significance": 0.002, "seed": 0} | options
-    return ModelSearch(base, tell=lambda line: None, **options)
+    return ModelSearch(base, **options)
 
 
 def recorded(effects, values, noise):
@@ -44,6 +42,15 @@ def recorded(effects, values, noise):
     return Recording.from_signals(event.time, {**event.signals, "position": y}, noise={"position": noise})
 
 
+def pair_search():
+    """A search that has not begun for two hidden effects, and the effects of the model by name."""
+    simulator = oscillator(push(time=TIME), step=0.05)
+    known = {effect.name: effect for effect in simulator.effects}
+    observation = simulator.observe(recorded(NAMES, [0.45, 4.4, 0.6, 0.4], 2e-3))
+    found = new_search(simulator, observation, max_effects=2)
+    return found, known
+
+
 @pytest.mark.parametrize(
     ("effects", "values", "noise", "finer"),
     [((), [0.45, 4.4], 2e-4, True), (("velocity.cubic(position)",), [0.45, 4.4, 0.6], 2e-2, False)],
@@ -53,10 +60,10 @@ def test_a_smaller_step_is_taken_only_where_it_explains_what_is_left(
     effects, values, noise, finer, monkeypatch
 ):
     refits = []
-    plain = ModelSearch._refitted
-    monkeypatch.setattr(ModelSearch, "_refitted", lambda *args: refits.append(1) or plain(*args))
+    plain = ModelSearch._fit_effects
+    monkeypatch.setattr(ModelSearch, "_fit_effects", lambda *args: refits.append(1) or plain(*args))
     simulator = oscillator(push(time=TIME), step=0.3)
-    found = competition(simulator, simulator.observe(recorded(effects, values, noise)))
+    found = new_search(simulator, simulator.observe(recorded(effects, values, noise)))
     assert (found.base.simulator.step < simulator.step) == finer
     assert found.is_adequate(found.base) == finer
     assert len(refits) == finer
@@ -72,7 +79,7 @@ def test_signatures_are_refined_for_the_effects_that_are_ahead(spring, monkeypat
 
     monkeypatch.setattr(SignatureSearch, "run", counted)
     simulator, observation = spring
-    found = competition(simulator, observation, n_fits=3)
+    found = new_search(simulator, observation, n_fits=3)
     found.run(simulator.effects)
     reached = sorted(rounds.values(), reverse=True)
     assert reached == [4] * 3 + [3] * 3 + [2] * 6 + [1] * (len(simulator.effects) - 12)
@@ -81,58 +88,53 @@ def test_signatures_are_refined_for_the_effects_that_are_ahead(spring, monkeypat
 
 
 @pytest.mark.parametrize(("p_value", "goes_on"), [(0.05, True), (0.5, False)])
-def test_what_hardly_passes_for_noise_does_not_end_the_search(spring, p_value, goes_on, monkeypatch):
+def test_what_hardly_passes_for_noise_does_not_end_the_search(spring, p_value, goes_on, monkeypatch, caplog):
     simulator, observation = spring
     names = ("velocity.cubic(position)", "cubic_position")
     candidates = [effect for effect in simulator.effects if effect.name in names]
-    plain, lines = ModelSearch.test, []
+    plain = ModelSearch.test
 
     def test(self, hypothesis):
-        remainder = plain(self, hypothesis)
-        passes = remainder.p_value > self.significance
-        return replace(remainder, p_value=p_value) if hypothesis.effects and passes else remainder
+        residual_test = plain(self, hypothesis)
+        passes = residual_test.p_value > self.significance
+        return replace(residual_test, p_value=p_value) if hypothesis.effects and passes else residual_test
 
     monkeypatch.setattr(ModelSearch, "test", test)
     monkeypatch.setattr(
         "errorscreen.discovery.search.model_search._NEARLY", 0.0
     )  # else so large an effect ends it
-    found = competition(simulator, observation)
-    found.tell = lines.append
+    found = new_search(simulator, observation)
     found.run(candidates)
-    assert any("from the nominal parameters" in line for line in lines) == goes_on
+    assert any("from the nominal parameters" in line for line in caplog.messages) == goes_on
     assert [h.name for h in found.adequate] == ["velocity.cubic(position)"]
 
 
 def test_an_effect_that_imitates_another_one_is_exchanged(monkeypatch):
-    simulator = oscillator(push(time=TIME), step=0.05)
-    effects = {effect.name: effect for effect in simulator.effects}
-    observation = simulator.observe(recorded(NAMES, [0.45, 4.4, 0.6, 0.4], 2e-3))
-    found = competition(simulator, observation, max_effects=2)
+    found, effects = pair_search()
 
     def begin_wrongly(self, candidates):  # a lag of what is measured looks like one of what acts
         self._refit((effects["lag_position"], effects[NAMES[0]]), self.base, [self.base], everywhere=False)
 
-    monkeypatch.setattr(ModelSearch, "_select", begin_wrongly)
-    found.run(simulator.effects)
+    monkeypatch.setattr(ModelSearch, "_add_effects", begin_wrongly)
+    found.run(found.simulator.effects)
     assert [{e.name for e in h.effects} for h in found.adequate] == [set(NAMES)]
     assert found.adequate[0].theta == pytest.approx([0.45, 4.4, 0.6, 0.4], rel=0.05)
 
 
-def raced(monkeypatch, pair, candidates=None):
-    """Sets of effects of the races where a pair comes nearest to noise, and what each of them begins with."""
-    simulator = oscillator(push(time=TIME), step=0.05)
-    known = {effect.name: effect for effect in simulator.effects}
+def partwise_sets(monkeypatch, pair, candidates=None):
+    """Sets of effects of the partwise fits where a pair is nearest to noise, and the fit that each begins with."""
+    found, known = pair_search()
     effects = [known[name] for name in pair]
-    observation = simulator.observe(recorded(NAMES, [0.45, 4.4, 0.6, 0.4], 2e-3))
-    found = competition(simulator, observation, max_effects=2)
-    races = []
+    rounds = []
     monkeypatch.setattr(
-        ModelSearch, "_select", lambda self, _: self._refit(effects, self.base, [self.base], everywhere=False)
+        ModelSearch,
+        "_add_effects",
+        lambda self, _: self._refit(effects, self.base, [self.base], everywhere=False),
     )
-    monkeypatch.setattr(ModelSearch, "_race", lambda self, sets, *starts: races.append(sets))
-    monkeypatch.setattr(ModelSearch, "_spread", lambda self: None)
-    found.run([known[name] for name in candidates] if candidates else simulator.effects)
-    return races
+    monkeypatch.setattr(ModelSearch, "_fit_partwise", lambda self, sets, *starts: rounds.append(sets))
+    monkeypatch.setattr(ModelSearch, "_restart_nearest", lambda self: None)
+    found.run([known[name] for name in candidates or known])
+    return rounds
 
 
 LEAVES_LITTLE = ("lag_position", NAMES[0])
@@ -140,33 +142,30 @@ LEAVES_MOST = ("velocity.drag(position)", "velocity.viscous(velocity)")
 
 
 def test_others_are_tried_in_place_of_each_effect_of_a_pair_that_leaves_less_than_half(monkeypatch):
-    (sets,) = raced(monkeypatch, LEAVES_LITTLE)
+    (sets,) = partwise_sets(monkeypatch, LEAVES_LITTLE)
     assert all(set(base.effects) == set(effects[:-1]) and base.effects for effects, base in sets.items())
     assert {e.name for base in sets.values() for e in base.effects} >= set(LEAVES_LITTLE)
 
 
 def test_all_pairs_are_tried_where_the_nearest_leaves_more_unless_they_are_too_many(monkeypatch):
-    assert raced(monkeypatch, LEAVES_MOST) == []
+    assert partwise_sets(monkeypatch, LEAVES_MOST) == []
     candidates = (*LEAVES_MOST, *NAMES, "lag_position")
-    (sets,) = raced(monkeypatch, LEAVES_MOST, candidates)
+    (sets,) = partwise_sets(monkeypatch, LEAVES_MOST, candidates)
     assert [{e.name for e in effects} for effects in sets] == [set(p) for p in combinations(candidates, 2)]
     assert not any(base.effects for base in sets.values())
 
 
 def test_two_effects_that_leave_much_of_a_part_of_the_recordings_are_led_no_further():
-    simulator = oscillator(push(time=TIME), step=0.05)
-    known = {effect.name: effect for effect in simulator.effects}
-    observation = simulator.observe(recorded(NAMES, [0.45, 4.4, 0.6, 0.4], 2e-3))
-    found = competition(simulator, observation, max_effects=2)
+    found, known = pair_search()
     worth = []
     for names in (NAMES, LEAVES_MOST):
         effects = [known[name] for name in names]
-        problem = FitProblem(simulator.extend(effects[0]).extend(effects[1]), [observation])
-        growth = begun(found.base, effects, problem, 6, 0).run(3)
-        worth.append(found._may_leave_noise(growth))
+        problem = FitProblem(found.simulator.extend(effects[0]).extend(effects[1]), found.measured)
+        fit = start_partwise(found.base, effects, problem, 6, 0).run(3)
+        worth.append(found._may_leave_noise(fit))
         # of noise alone nothing can be told
-        growth.objective = 1.5 * growth.part.n_values
-        assert found._may_leave_noise(growth)
+        fit.objective = 1.5 * fit.part.n_values
+        assert found._may_leave_noise(fit)
     assert worth == [True, False]
 
 
@@ -180,17 +179,14 @@ def test_two_effects_that_leave_much_of_a_part_of_the_recordings_are_led_no_furt
 )
 def test_an_exchange_also_begins_at_the_best_single_effects(alone, joined, monkeypatch):
     """The pair that comes nearest holds none of the effects that are best alone: both of it imitate something."""
-    simulator = oscillator(push(time=TIME), step=0.05)
-    known = {effect.name: effect for effect in simulator.effects}
+    found, known = pair_search()
     pair = ("force.delay", "velocity.cubic(velocity)")
-    observation = simulator.observe(recorded(NAMES, [0.45, 4.4, 0.6, 0.4], 2e-3))
-    found = competition(simulator, observation, max_effects=2)
     for names in [(name,) for name in alone] + [pair]:
         found._refit([known[name] for name in names], found.base, [found.base], everywhere=False)
-    races = []
-    monkeypatch.setattr(ModelSearch, "_race", lambda self, sets, *starts: races.append(sets))
-    found._exchange(simulator.effects)
-    assert {base.name for base in races[0].values()} == {*pair, *joined}
+    rounds = []
+    monkeypatch.setattr(ModelSearch, "_fit_partwise", lambda self, sets, *starts: rounds.append(sets))
+    found._exchange_effects(found.simulator.effects)
+    assert {base.name for base in rounds[0].values()} == {*pair, *joined}
 
 
 def test_a_pair_of_which_neither_explains_anything_alone_is_found():
@@ -208,97 +204,83 @@ def test_a_pair_of_which_neither_explains_anything_alone_is_found():
     assert min(alone) > 0.5 * whole
 
 
-def test_a_second_effect_that_no_signature_promises_is_found_by_growing_fits(monkeypatch):
+def test_a_second_effect_that_no_signature_promises_is_found_by_growing_fits(monkeypatch, caplog):
     """Beside the first effect, joint fits from signatures are all of others than the right one."""
-    plain = competition_module.promised
+    plain = model_search.fits_from_signatures
 
     def others(base, searches, *args):
         hidden = [s for s in searches if not base.effects or s.effect.name not in NAMES]
         return plain(base, hidden, *args)
 
-    monkeypatch.setattr(competition_module, "promised", others)
-    simulator = oscillator(push(time=TIME), step=0.05)
-    observation = simulator.observe(recorded(NAMES, [0.45, 4.4, 0.6, 0.4], 2e-3))
-    found = competition(simulator, observation, max_effects=2)
-    lines = []
-    found.tell = lines.append
-    found.run(simulator.effects)
-    assert any("growing fits" in line for line in lines)
+    monkeypatch.setattr(model_search, "fits_from_signatures", others)
+    found, _ = pair_search()
+    found.run(found.simulator.effects)
+    assert any("growing parts" in line for line in caplog.messages)
     assert {e.name for e in found.adequate[0].effects} == set(NAMES)
     assert found.adequate[0].theta[:2] == pytest.approx([0.45, 4.4], rel=0.05)
 
 
-def test_other_starts_are_tried_so_many_times_in_all_and_no_more(spring):
+def test_other_starts_are_tried_so_many_times_in_all_and_no_more(spring, caplog):
     simulator, observation = spring
-    found = competition(simulator, observation)
-    lines = []
-    found.tell = lines.append
+    found = new_search(simulator, observation)
     for times in (1, 1, 3, 3, 1):
-        found._everywhere(found.base, times)
-    assert lines.count("other starts of parameters") == 3
+        found._restart_everywhere(found.base, times)
+    assert caplog.messages.count("other starts of parameters") == 3
 
 
 @pytest.mark.parametrize(
     ("names", "hopes"), [(LEAVES_LITTLE, 0), (LEAVES_LITTLE, 2), (LEAVES_LITTLE, 5), (LEAVES_LITTLE[:1], 0)]
 )
 def test_other_starts_of_a_pair_end_as_soon_as_it_is_hopeless(names, hopes, monkeypatch):
-    simulator = oscillator(push(time=TIME), step=0.05)
-    known = {effect.name: effect for effect in simulator.effects}
-    observation = simulator.observe(recorded(NAMES, [0.45, 4.4, 0.6, 0.4], 2e-3))
-    found = competition(simulator, observation, max_effects=2)
+    found, known = pair_search()
     fitted = found._refit([known[name] for name in names], found.base, [found.base], everywhere=False)
     asked, followed = [], []
 
-    def hopeful(self, growth):
-        asked.append(growth.part.n_values)
+    def hopeful(self, fit):
+        asked.append(fit.part.n_values)
         return len(asked) <= hopes
 
     monkeypatch.setattr(ModelSearch, "_may_leave_noise", hopeful)
-    monkeypatch.setattr(ModelSearch, "_escape", lambda self, hypotheses: list(hypotheses))
-    monkeypatch.setattr(refinement_module, "followed", lambda *args: followed.append(args))
-    found._everywhere(fitted)
-    single, parts = len(names) == 1, len(growth_module.JUDGED)
+    monkeypatch.setattr(ModelSearch, "_leave_local_minima", lambda self, hypotheses: list(hypotheses))
+    monkeypatch.setattr(refinement, "fit_from_starts", lambda *args: followed.append(args))
+    found._restart_everywhere(fitted)
+    single, parts = len(names) == 1, len(partwise_fits.CHECKED)
     assert len(asked) == (0 if single else min(hopes + 1, parts))
     assert asked == sorted(set(asked))  # of an ever longer part
     assert bool(followed) == (single or hopes >= parts)
 
 
 @pytest.mark.parametrize(("minima", "adds", "times"), [(1, True, 0), (8, True, 2), (8, False, 0)])
-def test_only_what_has_several_minima_is_fitted_from_everywhere_again(minima, adds, times, monkeypatch):
-    simulator = oscillator(push(time=TIME), step=0.05)
-    known = {effect.name: effect for effect in simulator.effects}
-    observation = simulator.observe(recorded(NAMES, [0.45, 4.4, 0.6, 0.4], 2e-3))
-    found = competition(simulator, observation, max_effects=2)
+def test_only_what_has_several_minima_is_fitted_from_everywhere_again(
+    minima, adds, times, monkeypatch, caplog
+):
+    found, known = pair_search()
     pair = [replace(known[name], minima=minima) for name in LEAVES_LITTLE]
-    found._everywhere(found._refit(pair, found.base, [found.base], everywhere=False))
-    lines = []
-    found.tell = lines.append
+    found._restart_everywhere(found._refit(pair, found.base, [found.base], everywhere=False))
     monkeypatch.setattr(ModelSearch, "explained", lambda self, size, share: True)
     monkeypatch.setattr(ModelSearch, "adds", lambda self, fitted: adds)
-    found._insist()
-    assert sum("other starts" in line for line in lines) == times
+    caplog.clear()
+    found._restart_again()
+    assert sum("other starts" in line for line in caplog.messages) == times
 
 
 @pytest.mark.parametrize("little", [True, False])
 def test_pairs_that_leave_as_little_as_may_be_named_are_fitted_from_everywhere_too(little, monkeypatch):
     """The nearest may be a wrong one, beside which the right one is stuck."""
-    simulator = oscillator(push(time=TIME), step=0.05)
-    known = {effect.name: effect for effect in simulator.effects}
-    observation = simulator.observe(recorded(NAMES, [0.45, 4.4, 0.6, 0.4], 2e-3))
-    found = competition(simulator, observation, max_effects=2)
+    found, known = pair_search()
     pairs = ("force.lag", "lag_position"), LEAVES_LITTLE
     for pair in pairs:
         found._refit([known[name] for name in pair], found.base, [found.base], everywhere=False)
     spread = []
     monkeypatch.setattr(
-        ModelSearch, "_everywhere", lambda self, fitted, times=1: spread.append(fitted.name) or fitted
+        ModelSearch, "_restart_everywhere", lambda self, fitted, times=1: spread.append(fitted.name) or fitted
     )
     monkeypatch.setattr("errorscreen.discovery.search.refinement.PART", np.inf)
     monkeypatch.setattr(ModelSearch, "adequate", property(lambda self: []))
     monkeypatch.setattr(ModelSearch, "is_adequate", lambda self, fitted: False)
     monkeypatch.setattr(ModelSearch, "leaves_less", lambda self, fitted, share: little)
     monkeypatch.setattr(ModelSearch, "adds", lambda self, fitted: True)
-    found._spread()
+    found._restart_nearest()
     nearest = found.nearest(2).name
     assert nearest in spread
     both = {" + ".join(pair) for pair in pairs}
@@ -308,7 +290,7 @@ def test_pairs_that_leave_as_little_as_may_be_named_are_fitted_from_everywhere_t
 @pytest.mark.parametrize(("pair", "adds"), [(79.0, True), (95.0, False)])
 def test_of_two_effects_each_must_add_something(pair, adds):
     """Counted beyond what noise leaves, here χ² of 5000."""
-    found = CandidateSet(0.01, 0, print)
+    found = CandidateSet(0.01, 0)
     sets = {
         "parameters": ((), 1000.0),
         "a": (("a",), 100.0),
@@ -324,14 +306,12 @@ def test_of_two_effects_each_must_add_something(pair, adds):
 
 
 @pytest.mark.parametrize("adds", [True, False])
-def test_two_of_which_one_is_idle_are_not_fitted_from_everywhere(adds, spring, monkeypatch):
+def test_two_of_which_one_is_idle_are_not_fitted_from_everywhere(adds, spring, monkeypatch, caplog):
     simulator, observation = spring
-    found = competition(simulator, observation, max_effects=2)
+    found = new_search(simulator, observation, max_effects=2)
     known = {effect.name: effect for effect in simulator.effects}
-    lines = []
-    found.tell = lines.append
     monkeypatch.setattr(ModelSearch, "adds", lambda self, fitted: adds)
     monkeypatch.setattr(ModelSearch, "is_adequate", lambda self, fitted: False)
     monkeypatch.setattr("errorscreen.discovery.search.refinement.PART", np.inf)
     found._refit([known[name] for name in LEAVES_LITTLE], found.base, [found.base], everywhere=True)
-    assert sum("other starts" in line for line in lines) == adds
+    assert sum("other starts" in line for line in caplog.messages) == adds

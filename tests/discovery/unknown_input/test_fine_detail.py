@@ -13,7 +13,7 @@ from errorscreen.bench.plant_scenarios import draw_plant_scenario
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery.fits.hypotheses import PRIOR, JointFit, parameters_only
 from errorscreen.discovery.unknown_input import fine_detail
-from errorscreen.discovery.unknown_input.fine_detail import Covariance, detailed
+from errorscreen.discovery.unknown_input.fine_detail import Covariance, with_fine_detail
 from errorscreen.discovery.unknown_input.locations import probabilities_of, rank_input_locations, waveform
 from errorscreen.effects.latent_input import KNOTS, PULSE
 
@@ -51,7 +51,7 @@ def test_evidence_is_the_marginal_likelihood_of_a_gaussian_process(monkeypatch):
     ends = np.cumsum([len(g) for g in pulses])
     # where no bound is in the way, parameters are nothing but further noise
     monkeypatch.setattr(FitProblem, "scaled_bounds", np.full((2, len(u)), [[-1e6], [1e6]]))
-    comparison = fine_detail._Comparison(replace(hypothesis, slope=np.zeros(len(u))))
+    fit = fine_detail._DetailedFit(replace(hypothesis, slope=np.zeros(len(u))))
     r0 = hypothesis.residuals - J @ u
     for height in (1e-9, 1e-3, 0.1):
         covariance = np.eye(n) + PRIOR**2 * J @ J.T
@@ -59,16 +59,16 @@ def test_evidence_is_the_marginal_likelihood_of_a_gaussian_process(monkeypatch):
             own = slice(end - len(g), end)
             covariance[own, own] += height**2 * g @ g.T
         expected = multivariate_normal(cov=covariance).logpdf(r0) + 0.5 * n * np.log(2 * np.pi)
-        assert comparison._linear(np.log(height)) == pytest.approx(expected, rel=1e-6)
-        *_, v = comparison._at(height)
-        left = comparison._solve(height, r0 + J @ v)
+        assert fit._linear(np.log(height)) == pytest.approx(expected, rel=1e-6)
+        *_, v = fit._at(height)
+        left = fit._solve(height, r0 + J @ v)
         assert np.allclose(left, np.linalg.solve(covariance, r0), rtol=1e-3, atol=1e-3)
 
 
 def test_without_detail_evidence_is_that_of_the_fit(monkeypatch):
     hypothesis = fitted("Qref")
-    monkeypatch.setattr(fine_detail._Comparison, "_height", lambda self: 0.0)
-    found = detailed(hypothesis)
+    monkeypatch.setattr(fine_detail._DetailedFit, "_height", lambda self: 0.0)
+    found = with_fine_detail(hypothesis)
     # what a linear model promises is taken only where a simulation keeps it
     assert found.evidence >= hypothesis.evidence - 1e-6 * abs(hypothesis.evidence)
     assert found.evidence == pytest.approx(hypothesis.evidence, rel=1e-3)
@@ -93,9 +93,9 @@ def test_a_covariance_is_that_of_white_heights(seed, exponent):
 
 
 def test_the_height_is_the_best_one():
-    comparison = fine_detail._Comparison(fitted("Iq_cmd"))
-    best = np.log(comparison._height())
-    assert comparison._linear(best) > max(comparison._linear(best + d) for d in (-1.0, -0.1, 0.1, 1.0))
+    fit = fine_detail._DetailedFit(fitted("Iq_cmd"))
+    best = np.log(fit._height())
+    assert fit._linear(best) > max(fit._linear(best + d) for d in (-1.0, -0.1, 0.1, 1.0))
 
 
 def test_a_broad_pulse_is_the_sum_of_narrow_ones():
@@ -150,13 +150,13 @@ def test_recordings_of_the_same_name_have_the_same_detail():
         residuals=np.tile(hypothesis.residuals[:n], 2),
         jacobian=np.tile(hypothesis.jacobian[:n], (2, 1)),
     )
-    comparison = fine_detail._Comparison(twice)
-    assert [len(rows) for rows in comparison._rows] == [2 * n]
+    fit = fine_detail._DetailedFit(twice)
+    assert [len(rows) for rows in fit._rows] == [2 * n]
 
 
 def test_a_step_that_knots_do_not_follow_keeps_its_place():
     """Behind a controller or before it: signals that explain the same; at the active current none does."""
-    found = {port: detailed(fitted(port)) for port in ("Iq_cmd", "Qref", "Ip_cmd")}
+    found = {port: with_fine_detail(fitted(port)) for port in ("Iq_cmd", "Qref", "Ip_cmd")}
     right = found["Iq_cmd"]
     assert right.hypothesis.chi2_per_sample > 5.0
     assert right.height > 0.0
@@ -167,7 +167,7 @@ def test_a_step_that_knots_do_not_follow_keeps_its_place():
 
 
 def test_the_waveform_comes_nearer_to_what_is_hidden():
-    scenario, found = hidden(), detailed(fitted("Iq_cmd"))
+    scenario, found = hidden(), with_fine_detail(fitted("Iq_cmd"))
     event, effect = scenario.recordings[0].event, found.hypothesis.effects[0]
     truth, _ = switched(0.0, event.time, *scenario.values)
     parameters = found.hypothesis.simulator.parameters
@@ -181,11 +181,11 @@ def test_the_waveform_comes_nearer_to_what_is_hidden():
 
 
 def test_detail_of_a_signal_that_leaves_much_is_shown_as_far_as_it_is_more_than_that(monkeypatch):
-    shown = {port: detailed(fitted(port)) for port in ("Iq_cmd", "Ip_cmd")}
+    shown = {port: with_fine_detail(fitted(port)) for port in ("Iq_cmd", "Ip_cmd")}
     monkeypatch.setattr(fine_detail, "inflation_of", lambda *args: 1.0)
     ratios = {}
     for port, found in shown.items():
-        bare = detailed(fitted(port))
+        bare = with_fine_detail(fitted(port))
         ratios[port] = np.linalg.norm(found.pulses) / np.linalg.norm(bare.pulses)
         assert found.evidence == bare.evidence
         assert (found.residuals == bare.residuals).all()

@@ -1,19 +1,20 @@
 r"""Fits to an ever longer part of the recordings, from starts all over the ranges.
 
-What follows an event at once has few local minima, and what comes later is known well enough when it is reached: an
-oscillation that is fitted from its first swing on cannot be fitted half a period off. But what only shows later, when a
-plant takes up its power again, is not known at all by then, and a fit leaves it at the prior's value. So before each
-longer part, starts scatter around what has been reached, as far as the part before leaves them free,
+The first part after an event has few local minima, and what comes later is known well enough when it is reached: an
+oscillation that is fitted from its first swing on cannot end half a period off. But parameters that only show later,
+such as the recovery of a plant, stay at the prior's value until then. So before each longer part, starts scatter around
+the current ones, as far as the shorter part leaves them free,
 
 .. math:: u' \sim N\big(u,\ w^2 (J^T J + I/s^2)^{-1}\big)                                                   \qquad (D6)
 
-and the best of each that fits the longer part joins. This is a particle filter for parameters that do not change
-(N. Chopin, "A sequential particle filter method for static models", *Biometrika* 89(3), 2002), with Gauss-Newton steps
-in place of its random ones.
+and the best of each on the longer part joins. This is a particle filter for parameters that do not change (N. Chopin,
+"A sequential particle filter method for static models", *Biometrika* 89(3), 2002), with Gauss-Newton steps in place of
+its random ones.
 """
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Any
@@ -24,16 +25,17 @@ from numpy.typing import ArrayLike, NDArray
 from errorscreen._runtime.sampling import generator, latin_hypercube
 from errorscreen._runtime.threads import parallel_map
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.discovery.fits.halving import attempted, race
+from errorscreen.discovery.fits.halving import fit_to_end, try_all
 from errorscreen.discovery.fits.hypotheses import Hypothesis, JointFit
 from errorscreen.discovery.fits.rough_step import good_enough
-from errorscreen.discovery.starts.restarts import halved
+from errorscreen.discovery.starts.restarts import fit_with_halving
 from errorscreen.discovery.starts.signatures import SPREADS, objectives, spread_over
 from errorscreen.effects.base import Effect
 from errorscreen.parameters import Parameter, ParameterSpace
 
-#: parts of the recordings, as shares of what follows the event, which share of the starts goes on to each, and for how
-#: many iterations
+_log = logging.getLogger(__name__)
+
+#: parts of the recordings as shares of the time after the event; share of the starts that goes on to each; iterations
 _PARTS = (
     (0.1, 1.0, 3), (0.15, 0.75, 2), (0.2, 0.75, 2), (0.25, 0.625, 3), (0.33, 0.625, 3),
     (0.4, 0.5, 3), (0.5, 0.5, 3), (0.6, 0.375, 3), (0.7, 0.375, 3), (0.85, 0.375, 3),
@@ -42,18 +44,16 @@ _PARTS = (
 _SCATTERED, _WIDTHS = 64, (0.5, 1.0, 3.0)
 #: simulations with all parameters drawn together, for each start
 _DRAWN = 64
-#: starts of each fit in the first round of a race, and in the second one
-_STARTS, _MORE_STARTS = 3, 16
-#: parts after which it is asked what is hopeless
-JUDGED = (3, 5, 7, 9, len(_PARTS))
-#: rounds of a race: after which part how many go on for each that is fitted to the end
-_FIRST, _SECOND = ((1, 8), (3, 2)), tuple((parts, 1) for parts in JUDGED)
+#: numbers of parts after which hopeless fits are dropped
+CHECKED = (3, 5, 7, 9, len(_PARTS))
+#: rounds of successive halving: starts of each fit, and after which part how many fits go on for each wanted one
+_ROUNDS = ((3, ((1, 8), (3, 2))), (16, tuple((parts, 1) for parts in CHECKED)))
 
 _Array = NDArray[np.float64]
 
 
-class Growth:
-    """Fit of some effects to an ever longer part of the recordings, which can be stopped and gone on with.
+class PartwiseFit:
+    """Fit of some effects to an ever longer part of the recordings that can be stopped and continued.
 
     Parameters
     ----------
@@ -63,18 +63,18 @@ class Growth:
     starts : array-like of shape (s, k)
         Deviations from the nominal values in multiples of the scales.
     random_state : None, int, SeedSequence, Generator or RandomState
-        Of what scatters around them.
+        For the points that scatter around them.
     step : float, optional
         See `rough_step`.
 
     Attributes
     ----------
     reached : ndarray of shape (r, k)
-        Where those have got to that fit the part best, the best first.
+        Current points of the starts that fit the part best, the best first.
     objective : float
-        Lowest objective on that part.
+        Lowest objective on the part.
     part : FitProblem
-        The one to that part; all of it before the first.
+        Fit to the part; to the whole before the first.
     """
 
     def __init__(
@@ -91,19 +91,19 @@ class Growth:
         self._size, self._rng = len(self.reached), generator(random_state)
         self._fit: JointFit | None = None
         self._number, self._step, self._rough = 0, step, problem.with_step(step)
-        self._asked = True  # whether the step is good enough for what was reached
+        self._checked = True  # whether the step is good enough at `reached`
 
     @property
     def step(self) -> float | None:
-        """Step of the simulations; None as soon as it is not good enough with the effects."""
-        if not self._asked:  # only of what goes on: most fits of a race end with their first part
-            self._asked = True
+        """Integration step; None as soon as it is not good enough with the effects."""
+        if not self._checked:  # late, because most fits end with their first part
+            self._checked = True
             part = self.problem.until(_PARTS[self._number - 1][0])
             self._step = good_enough(part, self.reached[0], self._step)
         return self._step
 
-    def run(self, parts: int = len(_PARTS)) -> Growth:
-        """Go on to so many parts in all.
+    def run(self, parts: int = len(_PARTS)) -> PartwiseFit:
+        """Continue until so many parts have been fitted.
 
         Raises
         ------
@@ -113,47 +113,33 @@ class Growth:
         for share, kept, iterations in _PARTS[self._number : parts]:
             self.part = part = (self._rough if self.step else self.problem).until(share)
             starts = self.reached if self._fit is None else self._scattered(self._fit, part)
-            kept_ = max(1, round(kept * self._size))
-            self._fit = JointFit(self.effects, part, starts, central=False).keep(kept_).run(iterations)
+            n = max(1, round(kept * self._size))
+            self._fit = JointFit(self.effects, part, starts, central=False).keep(n).run(iterations)
             self.reached, self.objective = self._fit.reached, self._fit.objective
-            self._number, self._asked = self._number + 1, False
+            self._number, self._checked = self._number + 1, False
         return self
 
     def _scattered(self, fit: JointFit, part: FitProblem) -> _Array:
-        """What a fit has reached, and the best of (D6) around each of these on a longer part."""
+        """Points of a fit, and the best of (D6) around each of them on a longer part."""
         clouds = fit.scattered(np.resize(_WIDTHS, _SCATTERED), self._rng)
         objective = np.nan_to_num(objectives(part, np.concatenate(clouds)), nan=np.inf)
         best = objective.reshape(clouds.shape[:2]).argmin(axis=1)
         return np.concatenate([fit.reached, clouds[np.arange(len(clouds)), best]])
 
 
-def begun(
+def start_partwise(
     base: Hypothesis,
     effects: Sequence[Effect],
     problem: FitProblem,
     n: int,
     random_state: Any = 0,
     step: float | None = None,
-) -> Growth:
-    """Fit from starts all over the ranges, not yet run.
+) -> PartwiseFit:
+    """Partwise fit from n starts all over the ranges, not yet run.
 
-    So that the parameters of effects are tried all over their ranges, and not only where the model's own happen to fit,
-    simulations are drawn around some values of these, and the best around each is a start. Half of the values of an
-    effect that has been fitted scatter around these, and all where another effect joins: what is strong is often known
-    before the rest fits.
-
-    Parameters
-    ----------
-    base : Hypothesis
-        Fitted, with all or some of the effects, or none.
-    effects : sequence of Effect
-        Those of the problem's simulator.
-    problem : FitProblem
-    n : int
-        Starts.
-    random_state : None, int, SeedSequence, Generator or RandomState
-    step : float, optional
-        See `rough_step`.
+    Around each of n values of the effects' own parameters all others are drawn, and the best draw is a start. Half of
+    the values of an effect that `base` holds scatter around the fitted ones; all of them where another effect joins,
+    because a strong effect is often known before the others fit.
     """
     rng = generator(random_state)
     u = problem.drawn(n * _DRAWN, rng).reshape(n, _DRAWN, -1)
@@ -166,49 +152,46 @@ def begun(
         u[:, :, own] = _values(effect, problem, own, fitted, near, rng)[:, None]
     part = problem.with_step(step).until(_PARTS[0][0])
     objective = np.nan_to_num(objectives(part, u.reshape(n * _DRAWN, -1)), nan=np.inf).reshape(n, _DRAWN)
-    return Growth(effects, problem, u[np.arange(n), objective.argmin(axis=1)], rng, step)
+    return PartwiseFit(effects, problem, u[np.arange(n), objective.argmin(axis=1)], rng, step)
 
 
 def fit_growing_parts(
-    fits: Iterable[Callable[[int], Growth]],
+    fits: Iterable[Callable[[int], PartwiseFit]],
     n: int,
-    tell: Callable[[str], None],
     threads: int = 1,
-    hopeful: Callable[[Growth], bool] | None = None,
+    hopeful: Callable[[PartwiseFit], bool] | None = None,
 ) -> Sequence[JointFit]:
-    """Let fits grow side by side, and fit those that get furthest to all of the recordings.
+    """Run partwise fits by successive halving, and fit the best n to the whole recordings.
 
-    All begin with few starts, and those that lead begin once more with many.
+    All begin with few starts; the best begin again with many.
 
     Parameters
     ----------
     fits : iterable of callable
-        Begin one with so many starts.
+        Each takes the number of starts and returns a fit.
     n : int
-        How many are fitted to the end.
-    tell : callable
-        Takes lines of text.
     threads : int
-        Of which each has one fit at a time.
+        Each has one fit at a time.
     hopeful : callable, optional
-        Whether it is worth going on with one that leads; asked after the parts `JUDGED`.
+        Whether one of the best is worth continuing; called after the parts `CHECKED`.
     """
     begin = list(fits)
-    grown: list[Growth] = []
-    for number, cuts in ((_STARTS, _FIRST), (_MORE_STARTS, _SECOND)):
-        grown = parallel_map([partial(fit, number) for fit in begin], threads)
+    running: list[PartwiseFit] = []
+    for starts, cuts in _ROUNDS:
+        running = parallel_map([partial(fit, starts) for fit in begin], threads)
         for parts, kept in cuts:
-            well = attempted([partial(growth.run, parts) for growth in grown], threads)
-            running = [(fit, one) for fit, one in zip(begin, well, strict=True) if one is not None]
-            running = sorted(running, key=lambda pair: pair[1].objective)[: kept * n]
-            if hopeful is not None and parts in JUDGED:
-                running = [(fit, one) for fit, one in running if hopeful(one)]
-            begin, grown = [fit for fit, _ in running], [one for _, one in running]
-            tell(f"{len(grown)} of {len(well)} go on from {_PARTS[parts - 1][0]:.0%} of the recordings")
-            if not grown:
+            tried = try_all([partial(fit.run, parts) for fit in running], threads)
+            pairs = [(fit, one) for fit, one in zip(begin, tried, strict=True) if one is not None]
+            pairs = sorted(pairs, key=lambda pair: pair[1].objective)[: kept * n]
+            if hopeful is not None and parts in CHECKED:
+                pairs = [(fit, one) for fit, one in pairs if hopeful(one)]
+            begin, running = [fit for fit, _ in pairs], [one for _, one in pairs]
+            share = _PARTS[parts - 1][0]
+            _log.info("%d of %d go on from %.0f%% of the recordings", len(pairs), len(tried), 100 * share)
+            if not pairs:
                 return []
-    ended = [partial(halved, one.effects, one.problem, one.reached, one.step) for one in grown]
-    return race(attempted(ended, threads), threads)
+    last = [partial(fit_with_halving, one.effects, one.problem, one.reached, one.step) for one in running]
+    return fit_to_end(try_all(last, threads), threads)
 
 
 def _values(
@@ -219,7 +202,7 @@ def _values(
     near: NDArray[np.bool_],
     rng: np.random.Generator,
 ) -> _Array:
-    """Values (n, d) of an effect's parameters, some near those fitted (k,) and the others over their ranges."""
+    """Values (n, d) of an effect's parameters: some near the fitted ones (k,), the others over their ranges."""
     lower, upper = problem.scaled_bounds[:, own]
     values = np.zeros((len(near), len(own)))
     spread = np.resize(SPREADS, near.sum())[:, None] * (upper - lower)
