@@ -508,7 +508,6 @@ class CauseFinder(BaseEstimator):
     @one_blas_thread
     def _located(self) -> tuple[list[InputLocation], list[Group], int]:
         """Where an unknown input enters, locations that cannot be told apart, and the simulations that it took."""
-        _log.info("locations of an unknown input")
         locations, count = rank_input_locations(self._base, self._journal)
         alike = conclusions.alike_locations(locations)
         if len(alike) < 2:

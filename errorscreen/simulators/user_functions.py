@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from errorscreen._runtime.checkpoint import digest
+from errorscreen._runtime.store import digest
 from errorscreen.exceptions import EngineWarning, InputError, unknown_name
 
 Function = Callable[..., Any]
