@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,7 +31,11 @@ class BaseCalibrator(BaseEstimator):
         The simulator with the calibrated values as its nominal ones.
     n_simulations_, n_failed_ : int
         Simulations that the fit used, and how many of them failed.
+    selects : bool
+        Whether a case file calibrates each screener's selection with it; otherwise all parameters.
     """
+
+    selects: ClassVar[bool] = True
 
     theta_: NDArray[np.float64]
     names_: tuple[str, ...]
@@ -38,6 +43,25 @@ class BaseCalibrator(BaseEstimator):
     simulator_: Simulator
     n_simulations_: int
     n_failed_: int
+
+    @classmethod
+    def from_case(
+        cls, simulator: Simulator, names: Sequence[str] | None, section: Any, run: Any, progress: bool = False
+    ) -> Self:
+        """Unfitted calibrator for a case file.
+
+        Parameters
+        ----------
+        simulator : Simulator
+        names : sequence of str or None
+            Parameters to calibrate; None for all.
+        section, run : CalibrationSection, RunSection
+            Sections of the case file. Without an override only `run.random_state` is used.
+        progress : bool
+            Show progress bars.
+        """
+        options = {"names": names, "random_state": run.random_state, "progress": progress}
+        return cls(simulator, **{k: v for k, v in options.items() if k in cls._get_param_names()})
 
     def predict(self, event: Any = None) -> NDArray[np.float64]:
         """Response of the calibrated simulator.

@@ -1,13 +1,13 @@
-"""Sections of a case file that say what was recorded and what to do with it: keys, meaning, defaults."""
+"""Sections of a case file for recordings and for the stages of a study: keys, meaning, defaults."""
 
 from __future__ import annotations
 
-from collections import Counter
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
+from errorscreen.calibration import CALIBRATORS
 from errorscreen.cases.model_sections import (
     EVENTS,
     EventSection,
@@ -15,17 +15,18 @@ from errorscreen.cases.model_sections import (
     LineTripSection,
     LoadStepSection,
 )
-from errorscreen.cases.section import Count, Positive, Section
-from errorscreen.data import Column, read_csv
+from errorscreen.cases.section import Count, NameIn, Positive, Section, each_once
+from errorscreen.data import READERS, Column, read_recording
 from errorscreen.data.recordings import Recording
 from errorscreen.exceptions import InputError
+from errorscreen.screening import SCREENERS
 
-#: fewer cannot be divided into those that a network learns from and those that tell when to stop
+#: fewer cannot be divided into a training and a validation set
 _LEAST_SAMPLES = 20
 
 
 class ColumnSection(Section):
-    """Where a channel comes from and what its numbers mean, see `errorscreen.data.Column`."""
+    """Source of a channel and meaning of its numbers, see `errorscreen.data.Column`."""
 
     column: str | None = Field(default=None, description="header of the column")
     unit: str | None = Field(default=None, description="unit of its numbers; pu, rad or Hz if not given")
@@ -46,7 +47,10 @@ class ColumnSection(Section):
 class RecordingSection(Section):
     """A recorded disturbance."""
 
-    path: str = Field(description="text file with one header row, relative to the case file")
+    path: str = Field(description="file, relative to the case file; csv: text with one header row")
+    format: Annotated[str, NameIn(READERS)] | None = Field(
+        default=None, description="format of the file; recognised by its content if not given"
+    )
     name: str | None = Field(default=None, description="for tables and plots; the file's name if not given")
     base_mva: Positive = Field(
         description="base of the device or grid in MVA, which P and Q are converted to"
@@ -96,16 +100,16 @@ class RecordingSection(Section):
 
     @property
     def events(self) -> dict[str, EventSection]:
-        """What happened in the grid, by key; a recording of a grid needs exactly one."""
+        """Events in the grid by key; a recording of a grid needs exactly one."""
         found = {key: getattr(self, key) for key in EVENTS}
         return {key: section for key, section in found.items() if section is not None}
 
     def load(self, folder: Path, dt: float | None = None) -> Recording:
         """Read the window of the file and apply the shift, which resamples to `dt` seconds."""
-        direct = {"path", "columns", "shift", *EVENTS, "load_level"}
+        direct = {"path", "format", "columns", "shift", *EVENTS, "load_level"}
         columns = {role: Column(**dict(section)) for role, section in self.columns.items()}
         options = {key: value for key, value in self if key not in direct}
-        recording = read_csv(folder / self.path, columns, **options)
+        recording = read_recording(folder / self.path, columns, self.format, **options)
         return recording.resample(dt, shift=self.shift) if self.shift else recording
 
 
@@ -119,18 +123,13 @@ class SimulationSection(Section):
     )
 
 
-def _each_once(methods: list[Any]) -> None:
-    if len(set(methods)) < len(methods):
-        raise InputError(f"the methods {methods} hold one twice", allowed="each method once")
-
-
 class ScreeningSection(Section):
     """How the parameters that carry the error are found."""
 
-    methods: list[Literal["cnn", "sensitivity", "random"]] = Field(
+    methods: Annotated[list[Annotated[str, NameIn(SCREENERS)]], AfterValidator(each_once)] = Field(
         default=["cnn", "sensitivity", "random"],
         min_length=1,
-        description="rankers; `pso` calibrates what each of them selects",
+        description="screeners; `pso` calibrates the selection of each",
     )
     samples: Annotated[int, Field(ge=_LEAST_SAMPLES)] = Field(
         default=600,
@@ -151,14 +150,13 @@ class ScreeningSection(Section):
     def _one_rule(self) -> ScreeningSection:
         if self.top_k is not None and self.threshold is not None:
             raise InputError("top_k and threshold are both given", allowed="one of them")
-        _each_once(self.methods)
         return self
 
 
 class CalibrationSection(Section):
     """How the selected parameters are fitted."""
 
-    methods: list[Literal["map", "pso"]] = Field(
+    methods: Annotated[list[Annotated[str, NameIn(CALIBRATORS)]], AfterValidator(each_once)] = Field(
         default=["map", "pso"], min_length=1, description="calibrators; the diagnosis shows the first one"
     )
     prior_scale: Positive = Field(default=0.3, description="map: relative standard deviation of the prior")
@@ -177,7 +175,6 @@ class CalibrationSection(Section):
 
     @model_validator(mode="after")
     def _enough_simulations(self) -> CalibrationSection:
-        _each_once(self.methods)
         if self.library < self.starts - 1:
             raise InputError(
                 f"{self.starts} starts cannot be taken from a library of {self.library}",
@@ -190,7 +187,7 @@ class DiscoverySection(Section):
     """How causes that are no parameters are searched."""
 
     enabled: bool = Field(default=True, description="whether they are searched")
-    effects: Annotated[list[str], Field(min_length=1)] | None = Field(
+    effects: Annotated[list[str], Field(min_length=1), AfterValidator(each_once)] | None = Field(
         default=None, description="effects to try; all of the library if not given"
     )
     max_effects: Annotated[int, Field(ge=1, le=3)] = Field(
@@ -216,22 +213,14 @@ class DiscoverySection(Section):
         description="samples of a network that ranks parameters and effects before the search, at least 20; 0 for none",
     )
 
-    @field_validator("effects")
-    @classmethod
-    def _each_effect_once(cls, effects: list[str] | None) -> list[str] | None:
-        twice = sorted(name for name, count in Counter(effects or ()).items() if count > 1)
-        if twice:
-            raise InputError(f"{', '.join(map(repr, twice))} was found twice", allowed="each effect once")
-        return effects
-
-    @field_validator("first_look")
-    @classmethod
-    def _none_or_enough(cls, samples: int) -> int:
-        if samples != 0 and samples < _LEAST_SAMPLES:
+    @model_validator(mode="after")
+    def _none_or_enough(self) -> DiscoverySection:
+        if 0 != self.first_look < _LEAST_SAMPLES:
             raise InputError(
-                f"{samples} was found", allowed=f"0 for none, or a whole number >= {_LEAST_SAMPLES}"
+                f"first_look is {self.first_look}",
+                allowed=f"0 for none, or a whole number >= {_LEAST_SAMPLES}",
             )
-        return samples
+        return self
 
 
 class RunSection(Section):

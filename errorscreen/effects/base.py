@@ -114,6 +114,8 @@ class Effect:
         Of a measurement: ``recorded(value, *parameters)`` returns the true value before the event, from the recorded
         one that a playback starts from.
     kind : {"mechanism", "measurement", "event", "latent"}
+    devices : tuple of str
+        Names of the devices whose models it is compiled into.
     device : str
         Unit of a grid that it belongs to; empty in a plant, and for a measurement.
     description : str
@@ -149,6 +151,7 @@ class Effect:
     initialise: Callable[[Values, float], Values] = nothing
     recorded: Callable[..., NDArray[np.float64]] | None = None
     kind: str = "mechanism"
+    devices: tuple[str, ...] = ()
     device: str = ""
     description: str = ""
     formula: str = ""

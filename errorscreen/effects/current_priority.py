@@ -27,6 +27,7 @@ CURRENT_PRIORITY = Effect(
     name="priority",
     title="Current limit with priority for active current",
     port="priority",
+    devices=("pv_plant",),
     formula="Ip first up to Imax, |Iq| ≤ √(Imax² − Ip²), by the given share",
     equations=priority,
     parameters=(

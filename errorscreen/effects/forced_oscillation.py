@@ -19,8 +19,8 @@ def oscillation(value: Any, t: Any, A: Any, f: Any, t0: Any) -> Any:
     return select(t >= t0, value + A * s, value), 1.0 + 0.0 * t
 
 
-def forced_oscillation(port: str) -> Effect:
-    """Forced oscillation at a port, for example ``"Pm"``.
+def forced_oscillation(port: str, *devices: str) -> Effect:
+    """Forced oscillation at a port of some devices, for example at ``"Pm"`` of ``"synchronous_machine"``.
 
     Examples
     --------
@@ -54,4 +54,5 @@ def forced_oscillation(port: str) -> Effect:
         confused_with=("a badly damped mode", "a governor"),
         minima=8,
         event_specific=True,
+        devices=devices,
     )

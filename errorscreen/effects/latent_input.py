@@ -66,7 +66,7 @@ def _start(values: Values, h: float) -> Values:
     return {"te": values["t_event"] * one, "rate": KNOTS**2 / (values["t_stop"] - values["t_event"]) * one}
 
 
-def latent_input(port: str, size: float, unit: str = "pu") -> Effect:
+def latent_input(port: str, size: float, unit: str = "pu", devices: tuple[str, ...] = ()) -> Effect:
     """Unknown signal at a port.
 
     Parameters
@@ -76,6 +76,8 @@ def latent_input(port: str, size: float, unit: str = "pu") -> Effect:
         Largest value of the signal.
     unit : str
         Of the port.
+    devices : tuple of str
+        Devices that have the port.
 
     Examples
     --------
@@ -105,6 +107,7 @@ def latent_input(port: str, size: float, unit: str = "pu") -> Effect:
         derived=("te", "rate"),
         initialise=_start,
         kind="latent",
+        devices=devices,
         description="A signal of free shape, to find where in the model something enters that no effect explains.",
         source="definition, (I1)",
         confused_with=("any effect at the same port",),

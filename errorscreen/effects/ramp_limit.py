@@ -48,6 +48,7 @@ RAMP_LIMIT = Effect(
     name="ramp",
     title="Ramp limit of active power after the fault",
     port="Ip_cmd",
+    devices=("dfig_plant", "pv_plant"),
     equations=ramp_limit,
     parameters=(
         strength(

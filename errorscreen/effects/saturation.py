@@ -33,6 +33,7 @@ SATURATION = Effect(
     name="saturation",
     title="Magnetic saturation",
     port="Efd",
+    devices=("synchronous_machine",),
     equations=saturation,
     parameters=(
         strength(

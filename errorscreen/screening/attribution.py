@@ -69,8 +69,6 @@ class AttributionScreener(BaseScreener):
 
     samples_: NDArray[np.float64]
     calibrator_: MAPCalibrator
-    n_simulations_: int
-    n_failed_: int
 
     def __init__(
         self,
@@ -122,13 +120,15 @@ class AttributionScreener(BaseScreener):
             axis=0,
         )
         self.samples_ = labels[np.isfinite(labels).all(axis=1)]
-        self.n_failed_ = self.calibrator_.n_failed_ + len(labels) - len(self.samples_)
         if not len(self.samples_):
             raise SimulationError("no sample around the calibrated values could be simulated.")
-        self.n_simulations_ = self.calibrator_.n_simulations_ + n_samples * (len(space) + 1) * len(
-            observations
+        n_simulations = n_samples * (len(space) + 1) * len(observations)
+        self._store(
+            self.samples_.mean(axis=0),
+            space.names,
+            self.calibrator_.n_simulations_ + n_simulations,
+            self.calibrator_.n_failed_ + len(labels) - len(self.samples_),
         )
-        self._store(self.samples_.mean(axis=0), space.names)
         return self
 
     def _check_calibrator(self) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from time import perf_counter
 from typing import Any
 
-from errorscreen.calibration import MAPCalibrator, PSOCalibrator
+from errorscreen.calibration import CALIBRATORS, MAPCalibrator
 from errorscreen.cases.case_models import CalibrationSection, RunSection
 from errorscreen.data.observations import Observation
 from errorscreen.discovery import judge
@@ -23,15 +23,7 @@ def calibrate_map(
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """All parameters by bounded least squares with a prior, and the verdict that follows from it."""
     start = perf_counter()
-    calibrator = MAPCalibrator(
-        simulator,
-        prior_scale=section.prior_scale,
-        n_starts=section.starts,
-        library_size=max(section.library, section.starts),
-        level=section.level,
-        random_state=run.random_state,
-        progress=progress,
-    ).fit(observation)
+    calibrator = MAPCalibrator.from_case(simulator, None, section, run, progress).fit(observation)
     verdict = judge([observation], [simulator.baseline(observation.event)], calibrator, held_out)
     arrays = {
         "theta": calibrator.theta_,
@@ -53,31 +45,22 @@ def calibrate_map(
     return arrays, meta
 
 
-def calibrate_pso(
+def calibrate(
+    method: str,
     simulator: Simulator,
     observation: Observation,
-    names: Sequence[str],
+    names: Sequence[str] | None,
     section: CalibrationSection,
     run: RunSection,
     progress: bool,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Selected parameters by particle swarm, as in the paper."""
+    """Selected parameters, or all, by a method of `CALIBRATORS`."""
     start = perf_counter()
-    calibrator = PSOCalibrator(
-        simulator,
-        names,
-        n_particles=section.particles,
-        n_iterations=section.iterations,
-        inertia=section.inertia,
-        cognitive=section.cognitive,
-        social=section.social,
-        random_state=run.random_state,
-        progress=progress,
-    ).fit(observation)
+    calibrator = CALIBRATORS[method].from_case(simulator, names, section, run, progress).fit(observation)
     meta = {
         "names": list(calibrator.names_),
         "n_simulations": calibrator.n_simulations_,
         "n_failed": calibrator.n_failed_,
         "seconds": perf_counter() - start,
     }
-    return {"theta": calibrator.theta_, "history": calibrator.history_["objective"]}, meta
+    return {"theta": calibrator.theta_}, meta

@@ -14,13 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen._runtime.processes import in_subprocess
+from errorscreen.calibration import CALIBRATORS
 from errorscreen.data.observations import Observation
 from errorscreen.discovery import Verdict, channel_fits, stage_errors
 from errorscreen.events import Playback
 from errorscreen.exceptions import InputError, SimulationError
 from errorscreen.learning.regressors import require_network
+from errorscreen.screening import SCREENERS
 from errorscreen.simulators.base import REMEDIES, Simulator, Status
-from errorscreen.workflow.calibrate import calibrate_map, calibrate_pso
+from errorscreen.workflow.calibrate import calibrate, calibrate_map
 from errorscreen.workflow.discover import discover_causes
 from errorscreen.workflow.screen import Screened, screen
 from errorscreen.workflow.search_step import search_simulator
@@ -114,8 +116,9 @@ def _fitting(
     def here() -> _Fitted:
         return _fitted(study, StageStore(store.root, report), progress, report)
 
-    trained = store.has("screening-cnn", study.fingerprint("screening"))
-    if trained or "cnn" not in study.screening.methods or not study.discovery.enabled:
+    key, methods = study.fingerprint("screening"), study.screening.methods
+    training = any(SCREENERS[name].trains and not store.has(f"screening-{name}", key) for name in methods)
+    if not training or not study.discovery.enabled:
         fitted = here()
         yield lambda: None, lambda: fitted
         return
@@ -181,20 +184,24 @@ def _calibrated_by_all(
     )
     verdict = Verdict(**meta["verdict"])
     calibrated = []
-    for calibrator in study.calibration.methods:
-        if calibrator == "map":
+    for method in study.calibration.methods:
+        if method == "map":
             calibrated.append(_calibrated("map", "all", arrays, meta, study))
             continue
-        for one in screened:
-            report(f"calibration: pso on the selection of {one.method}: {', '.join(one.names)}")
+        selections: list[tuple[str, tuple[str, ...] | None]] = [("all", None)]
+        if CALIBRATORS[method].selects:
+            selections = [(one.method, one.names) for one in screened]
+        for selection, names in selections:
+            of = "all parameters" if names is None else f"the selection of {selection}: {', '.join(names)}"
+            report(f"calibration: {method} on {of}")
             found = store.get(
-                f"calibration-pso-{one.method}",
-                study.fingerprint("calibration", one.names),
-                lambda one=one: calibrate_pso(  # type: ignore[misc]
-                    study.simulator, study.observation, one.names, *settings
+                f"calibration-{method}-{selection}",
+                study.fingerprint("calibration", names),
+                lambda method=method, names=names: calibrate(  # type: ignore[misc]
+                    method, study.simulator, study.observation, names, *settings
                 ),
             )
-            calibrated.append(_calibrated("pso", one.method, *found, study))
+            calibrated.append(_calibrated(method, selection, *found, study))
     return calibrated, verdict
 
 

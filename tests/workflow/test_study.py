@@ -225,7 +225,7 @@ def test_a_case_compares_recordings_with_a_grid(grid_case, tmp_path):
         assert all(two.E < one.E for one, two in zip(before, after, strict=True))
     assert outcome.verdict.kind == "parameters"
     result, report = write_outputs(outcome, tmp_path)
-    assert "What happened, as stated: line trip, ends [2, 3]" in result.read_text()
+    assert "Event as stated: line trip, ends [2, 3]" in result.read_text()
     assert report.stat().st_size > 10_000
 
 
