@@ -1,4 +1,4 @@
-"""Case files: a recording, a model and what to do with them, in TOML."""
+"""Case files in TOML: recordings, a model, and the stages of a study."""
 
 from __future__ import annotations
 
@@ -175,7 +175,7 @@ def load_case(path: str | os.PathLike[str]) -> Case:
     Raises
     ------
     InputError
-        If something cannot be used; it says the file, the key, what was found and what is allowed.
+        If the file cannot be used; with file, key, found and allowed value.
     """
     path = Path(path)
     source = f"case file {path}"

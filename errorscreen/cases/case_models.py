@@ -31,7 +31,7 @@ class ColumnSection(Section):
     column: str | None = Field(default=None, description="header of the column")
     unit: str | None = Field(default=None, description="unit of its numbers; pu, rad or Hz if not given")
     base: Positive | None = Field(
-        default=None, description="what 1 pu is: MVA for P and Q, kV line to line for V"
+        default=None, description="value of 1 pu: MVA for P and Q, kV line to line for V"
     )
     sign: Literal["generator", "load"] = Field(
         default="generator", description="P and Q: positive when generated, or when consumed"
@@ -41,7 +41,7 @@ class ColumnSection(Section):
     line_neutral: bool = Field(default=False, description="V: measured from line to neutral")
     real: str | None = Field(default=None, description="V: header of the real part, instead of column")
     imag: str | None = Field(default=None, description="V: header of the imaginary part")
-    value: float | None = Field(default=None, description="stated pre-event value of what was not measured")
+    value: float | None = Field(default=None, description="stated pre-event value of an unmeasured channel")
 
 
 class RecordingSection(Section):
@@ -86,9 +86,9 @@ class RecordingSection(Section):
     load_level: Positive = Field(
         default=1.0, description="grid: factor on all loads and generators before the event"
     )
-    fault: FaultSection | None = Field(default=None, description="grid: what happened")
-    line_trip: LineTripSection | None = Field(default=None, description="grid: what happened")
-    load_step: LoadStepSection | None = Field(default=None, description="grid: what happened")
+    fault: FaultSection | None = Field(default=None, description="grid: the event")
+    line_trip: LineTripSection | None = Field(default=None, description="grid: the event")
+    load_step: LoadStepSection | None = Field(default=None, description="grid: the event")
 
     @model_validator(mode="after")
     def _some_window(self) -> RecordingSection:
@@ -184,7 +184,7 @@ class CalibrationSection(Section):
 
 
 class DiscoverySection(Section):
-    """How causes that are no parameters are searched."""
+    """How causes other than parameters are searched."""
 
     enabled: bool = Field(default=True, description="whether they are searched")
     effects: Annotated[list[str], Field(min_length=1), AfterValidator(each_once)] | None = Field(
@@ -200,17 +200,16 @@ class DiscoverySection(Section):
     starts: Count = Field(default=4, description="starts of the fit without effects")
     significance: Annotated[float, Field(ge=0.001, lt=1)] = Field(
         default=0.002,
-        description="probability below which what is left counts as more than noise; the draws of the test tell none "
-        "apart that are smaller than 0.001",
+        description="the remainder counts as more than noise below this probability; the test resolves 0.001",
     )
     step: Positive | None = Field(
         default=None,
-        description="longest integration step of the search in s, what comes near to noise is fitted with a quarter of "
-        "it; if not given that of the simulation, for a grid twice as much up to 0.005",
+        description="longest integration step of the search in s, a quarter of it for fits near the noise; if not "
+        "given that of the simulation, for a grid twice as much up to 0.005",
     )
     first_look: int = Field(
         default=0,
-        description="samples of a network that ranks parameters and effects before the search, at least 20; 0 for none",
+        description="samples of a network that ranks parameters and effects before the search, at least 20; 0: none",
     )
 
     @model_validator(mode="after")
@@ -228,12 +227,11 @@ class RunSection(Section):
 
     random_state: Annotated[int, Field(ge=0)] = Field(default=0, description="seed of all random numbers")
     n_jobs: int = Field(
-        default=1, description="processes that simulate what the network learns from; -1 for one on each core"
+        default=1, description="processes that simulate for the network; -1 for one on each core"
     )
     out: str | None = Field(
         default=None,
-        description="folder for results, relative to the case file; those of `errorscreen diagnose` lie in its folder "
-        "diagnose",
+        description="folder for results, relative to the case file; `errorscreen diagnose` writes to diagnose in it",
     )
 
     @model_validator(mode="after")

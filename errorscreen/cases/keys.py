@@ -15,9 +15,10 @@ def key_tables(model: type[BaseModel], section: str | None = None) -> str:
     """Tables of all sections below a model, or of one and those below it, see `case_reference`."""
     found = list(sections(model))
     if section is not None:
-        if section not in [name for name, _ in found]:
-            raise unknown_name(section, [name for name, _ in found], kind="section of a case file")
+        names = [name for name, _ in found]
         found = [(name, part) for name, part in found if f"{name}.".startswith(f"{section}.")]
+        if not found:
+            raise unknown_name(section, names, kind="section of a case file")
     lines = []
     for name, part in found:
         lines += [f"### `[{name}]`", "", (part.__doc__ or "").strip().splitlines()[0], ""]

@@ -1,4 +1,4 @@
-"""Public recordings of small systems, and the models that lack something: an electronic oscillator and falling balls.
+"""Public recordings of small systems with incomplete models: an electronic oscillator and falling balls.
 
 The files are not part of this package. `silverbox` is the benchmark of Wigren and Schoukens (*Three free data sets for
 development and benchmarking in nonlinear system identification*, European Control Conference 2013), the balls are those
@@ -17,7 +17,7 @@ from errorscreen.exceptions import InputError
 from errorscreen.parameters import Parameter
 from errorscreen.simulators import ODESimulator
 
-#: in volts and metres: what is left of a good model, and position noise of a video
+#: noise in volts (residual of a good model) and in metres (position in a video)
 SILVERBOX_NOISE, BALL_NOISE = 5e-4, 0.1
 #: 1/s²: a resonance at 68 Hz
 _STIFFNESS = (2 * np.pi * 68.0) ** 2
@@ -56,7 +56,7 @@ def read_silverbox(
     first, last : int, optional
         As in a slice.
     noise : float
-        Standard deviation of what counts as noise of y, in volts.
+        Standard deviation of y in volts.
     name : str
 
     Raises
@@ -132,7 +132,7 @@ def read_falling_ball(path: str | Path, ball: str, drop: int, *, noise: float = 
 def falling_ball(recording: Recording, **options: Any) -> ODESimulator:
     """Free fall under known gravity, from about 47 m and nearly from rest.
 
-    A hand lets go up to 0.15 s before or after the first picture, so that the velocity then is known to 1.5 m/s.
+    The hand lets go within 0.15 s of the first picture, so the velocity then is known to 1.5 m/s.
 
     Parameters
     ----------

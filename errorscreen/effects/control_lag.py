@@ -2,7 +2,7 @@ r"""Lag of a converter's command: a control loop, a delay or a phase-locked loop
 
 .. math:: T (1 - q)\,\dot y = u - y,\quad T q\,\dot z = y - z                                   \qquad (C1)
 
-with the command u and what acts, z: one lag for q = 0, two equal ones for q = ½. Below the integration step h the
+with the command u and the acting value z: one lag for q = 0, two equal ones for q = ½. Below the integration step h the
 lags are blended out, so that T = 0 is an identity and the step stays stable: a lag shorter than h acts with the
 share T/h and the time constant h. A pure delay of the same length looks nearly the same below 1/(2πT).
 """

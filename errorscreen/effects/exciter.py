@@ -10,7 +10,7 @@ the equilibrium:
     T_E\,\dot E &= K y - E,\quad E_{min} \le E_{fd0} + E \le E_{max}             & (X3)\\
     E_{fd} &= E_{fd0} + E                                                      & (X4)
 
-The limits are those of a typical static exciter, 0 and 5 pu.
+The limits, 0 and 5 pu, belong to a typical static exciter.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@ r"""Forced oscillation: a source inside the plant that swings whatever the grid 
 
 .. math:: u = u^* + A \sin\big(2\pi f (t - t_0)\big)\ \text{for}\ t \ge t_0                     \qquad (F1)
 
-with t counted from the beginning of the record. A negative :math:`t_0` says that it has been swinging before.
+with t counted from the beginning of the record. With a negative :math:`t_0` it swings from the beginning.
 """
 
 from __future__ import annotations

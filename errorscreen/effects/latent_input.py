@@ -1,4 +1,4 @@
-r"""Latent input: an unknown signal added at a port, to find where something enters that no effect explains.
+r"""Latent input: an unknown signal added at a port, for errors that no effect explains.
 
 Piecewise linear between knots :math:`t_i`, zero before the event and after the last knot, and one pulse:
 
@@ -8,7 +8,7 @@ Piecewise linear between knots :math:`t_i`, zero before the event and after the 
 with hat functions :math:`\Lambda_i`. The knots lie closer together just after the event than later:
 :math:`s(t) = \sqrt{(t - t_e)/W}\,N` maps time after the event to the number of a knot, so that a window of W seconds
 after the event at :math:`t_e` holds N of them. The pulse, at a share c of the window and with a half width w that is no
-larger, shows what knots are too coarse for (`errorscreen.discovery.unknown_input.fine_detail`).
+larger, resolves details finer than the knots (`errorscreen.discovery.unknown_input.fine_detail`).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from errorscreen.parameters import Parameter
 KNOTS = 32
 #: parameters of the pulse: its height, and place and half width as shares of the window
 PULSE = ("pulse", "centre", "width")
-#: the window in units of the clock that s(t) is the root of
+#: length of the window on the clock whose square root is s(t)
 _WINDOW = float(KNOTS**2)
 
 
@@ -108,7 +108,7 @@ def latent_input(port: str, size: float, unit: str = "pu", devices: tuple[str, .
         initialise=_start,
         kind="latent",
         devices=devices,
-        description="A signal of free shape, to find where in the model something enters that no effect explains.",
+        description="A signal of free shape, which shows the place of an error that no effect explains.",
         source="definition, (I1)",
         confused_with=("any effect at the same port",),
     )

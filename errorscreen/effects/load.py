@@ -1,4 +1,4 @@
-r"""Loads that are no constant impedances: dependence on voltage and frequency, and motors.
+r"""Loads other than constant impedances: dependence on voltage and frequency, and motors.
 
 In per unit of the load's apparent power, with the quantities of `errorscreen.models.loads.load`:
 
@@ -92,58 +92,46 @@ def _start(values: Values, h: float) -> Values:
 
 
 def _static(part: str, port: str, equations: Any) -> Effect:
-    power = port[1]
     return Effect(
-        name=f"static_{part}",
-        title=f"Voltage dependence of the {part} load",
-        port=port,
-        devices=("load",),
-        equations=equations,
-        parameters=(
+        f"static_{part}", f"Voltage dependence of the {part} load", port, equations,
+        (
             strength("s", 0.5, 1.5, "", "load", "s", "share that is no constant impedance; 0: none", -0.5),
             value("c", 1.0, 0.0, 1.0, "", "load", "c", "1: constant current, 0: constant power"),
         ),
-        formula=f"Δ{power} = {power}0 (r/ρ)² s (c ρ + 1 − c − ρ²)",
+        devices=("load",),
+        formula=f"Δ{port[1]} = {port[1]}0 (r/ρ)² s (c ρ + 1 − c − ρ²)",
         description=f"The {part} power of the load falls less with the voltage than that of a constant impedance: "
         "lower voltages after a fault and in stationary states near it.",
         source="IEEE Task Force on Load Representation, IEEE Trans. Power Syst. 8(2), 1993, and 10(3), 1995",
         confused_with=("motors", "another load level", "voltage support of a plant nearby"),
-    )
+    )  # fmt: skip
 
 
 STATIC_ACTIVE = _static("active", "dP", static_active)
 STATIC_REACTIVE = _static("reactive", "dQ", static_reactive)
 FREQUENCY_DEPENDENCE = Effect(
-    name="frequency_dependence",
-    title="Frequency dependence of the load",
-    port="dP",
+    "frequency_dependence", "Frequency dependence of the load", "dP", frequency,
+    (strength("k", 1.5, 5.0, "pu/pu", "load", "k", "active power for each frequency; 0: none"),),
     devices=("load",),
-    equations=frequency,
-    parameters=(strength("k", 1.5, 5.0, "pu/pu", "load", "k", "active power for each frequency; 0: none"),),
     formula="ΔP = P0 r² k F",
     description="Fans and pumps take less power at lower frequency, which damps swings and settles the frequency "
     "higher.",
     source="Kundur, Power System Stability and Control, 1994, section 7.1.1",
     confused_with=("damping of machines", "a governor"),
-)
+)  # fmt: skip
 MOTOR_LOAD = Effect(
-    name="motor",
-    title="Induction motors in the load",
-    port="Mr",
-    devices=("load",),
-    equations=motor,
-    parameters=(
+    "motor", "Induction motors in the load", "Mr", motor,
+    (
         strength("m", 0.3, 0.9, "", "motors", "m", "share of the active power that motors draw; 0: none"),
         value("H", 0.7, 0.2, 2.0, "s", "motors", "H", "inertia constant of motors and driven machines"),
         value("c", 1.0, 0.0, 1.0, "", "motors", "c", "share of the torque that does not depend on speed"),
     ),
-    states=("Er", "Ei", "slip"),
-    derived=("share", "gr", "gi", "torque"),
+    ("Er", "Ei", "slip"), ("share", "gr", "gi", "torque"), _start,
     beside=("Mi",),
-    initialise=_start,
+    devices=("load",),
     formula="M = m* (I − W/Z0), I = (W − E')/(Rs + jX'), 2H dσ/dt = τ(σ) − Re(E' I*)",
     description="Motors slow down during a fault and draw several times their current after it: the voltage recovers "
     "late or not at all, with far more reactive power than any static load.",
     source="Milano, Power System Modelling and Scripting, 2010, section 15.2; IEEE Trans. Power Syst. 10(3), 1995",
     confused_with=("a static load of constant power", "missing voltage support"),
-)
+)  # fmt: skip

@@ -20,7 +20,7 @@ from errorscreen.engine.vmath import clip
 
 
 def saturation(value: Any, Eq1: Any, S0: Any, A: Any, E1: Any) -> Any:
-    """Field voltage less what saturation consumes beyond the equilibrium, (B1), (B2)."""
+    """Field voltage less the share of saturation beyond the equilibrium, (B1), (B2)."""
     over = clip(Eq1 - E1, 0.0, 1e9)
     return (value - (A * over * over - S0),)
 

@@ -168,8 +168,8 @@ BAD = {
     "no path": (replaced('path = "data/rec.csv"', ""), "[recording]: key 'path' is missing."),
     "unknown key": (
         replaced("base_mva", "base_mwa"),
-        "[recording]: unknown key 'base_mwa' (did you mean 'base_mva', 'base_kv'?). Allowed: path, format, name, base_mva, "
-        "base_kv,",
+        "[recording]: unknown key 'base_mwa' (did you mean 'base_mva', 'base_kv'?). Allowed: path, format, name, "
+        "base_mva, base_kv,",
     ),
     "unknown section": (
         GOOD + "[calibrate]\n",

@@ -10,19 +10,19 @@ from errorscreen.effects.base import strength, value
 from errorscreen.effects.generic.base import Ranges
 from errorscreen.parameters import Parameter
 
-#: bounds of a coefficient in multiples of what would double its equation in a nominal run
+#: bounds of a coefficient in multiples of the value that doubles its equation in a nominal run
 _WIDE = 50.0
 #: smallest strength that matters, as a share of the largest
 _LEAST = 1e-3
-#: largest rate of a spill times the step: the level rests a twentieth of what arrives in a step above the brim
+#: largest rate of a spill times the step: the level rests above the brim by a twentieth of a step's inflow
 _STEEPEST = 20.0
-#: templates whose strength is not known by order of magnitude only: shares, and an offset of either sign
+#: templates whose strength is drawn evenly: shares, and an offset of either sign
 _LINEAR = ("offset", "saturation", "relay_above", "relay_below")
 
 
 @dataclass(frozen=True)
 class Anatomy:
-    """What the library has to know about a model.
+    """Facts about a model that the library needs.
 
     Parameters
     ----------
@@ -70,9 +70,9 @@ class Scales:
     ----------
     anatomy : Anatomy
     kind, target : str
-        What it acts on, see `GenericEffect`.
+        Quantity it acts on, see `GenericEffect`.
     signal : str
-        What it depends on.
+        Signal it depends on.
     of : str
         Title, for the parameters.
     into : bool
@@ -88,7 +88,7 @@ class Scales:
 
     @property
     def effort(self) -> float:
-        """Size of what the template adds to: a derivative, or the span of a signal."""
+        """Size of the quantity that the template changes: a derivative, or the span of a signal."""
         at = self.anatomy
         return at.size(f"d_{self.target}") if self.kind == "equation" else at.span(self.target)
 
@@ -99,7 +99,7 @@ class Scales:
 
     @property
     def rate(self) -> str:
-        """Unit of what it adds to."""
+        """Unit of the quantity that it changes."""
         unit = self.anatomy.units.get(self.target, "")
         return per(unit, "s") if self.kind == "equation" else unit
 
