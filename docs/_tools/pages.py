@@ -6,9 +6,11 @@ A page holds a table between ``<!-- generated: NAME -->`` and ``<!-- end -->``.
 import contextlib
 import io
 import json
+import os
 import re
 from collections import Counter
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 
@@ -297,7 +299,8 @@ def commands():
     text = []
     for words in ((), *_COMMANDS, *(("bench", kind) for kind in _BENCHES)):
         output = io.StringIO()
-        with contextlib.redirect_stdout(output), contextlib.suppress(SystemExit):
+        width = patch.dict(os.environ, COLUMNS="80")
+        with width, contextlib.redirect_stdout(output), contextlib.suppress(SystemExit):
             main([*words, "--help"])
         text.append(
             f"## `{' '.join(('errorscreen', *words))}`\n\n```text\n{output.getvalue().strip()}\n```\n"

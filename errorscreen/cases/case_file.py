@@ -7,7 +7,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from pydantic import Field, PrivateAttr, ValidationError
+from pydantic import PrivateAttr, ValidationError
 
 from errorscreen.cases.case_models import (
     CalibrationSection,
@@ -20,7 +20,7 @@ from errorscreen.cases.case_models import (
 from errorscreen.cases.key_errors import explained, placed
 from errorscreen.cases.keys import key_tables
 from errorscreen.cases.model_sections import EVENTS, DeviceSection, GridSection
-from errorscreen.cases.section import Section
+from errorscreen.cases.section import Section, setting
 from errorscreen.data.recordings import Recording
 from errorscreen.exceptions import InputError, check_integer
 from errorscreen.parameters import ParameterSpace
@@ -44,15 +44,15 @@ class Case(Section):
     (1.33, 0.0025)
     """
 
-    title: str = Field(default="", description="for the report")
+    title: str = setting("", "for the report")
     recording: RecordingSection
-    together: list[RecordingSection] = Field(
-        default=[],
-        description="further recordings of the same unit that the search for causes fits together with [recording]; "
-        "keys not given are those of [recording]",
+    together: list[RecordingSection] = setting(
+        [],
+        "further recordings of the same unit that the search for causes fits together with [recording]; keys "
+        "not given are those of [recording]",
     )
-    held_out: list[RecordingSection] = Field(
-        default=[], description="further recordings to judge on; keys not given are those of [recording]"
+    held_out: list[RecordingSection] = setting(
+        [], "further recordings to judge on; keys not given are those of [recording]"
     )
     device: DeviceSection | None = None
     grid: GridSection | None = None

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from errorscreen.cases.ieee39 import PLANTS, load_ieee39
-from errorscreen.cases.section import NameIn, NotNegative, Positive, Section
+from errorscreen.cases.section import NameIn, NotNegative, Positive, Section, setting
 from errorscreen.events import BusFault, GridEvent, LineTrip, LoadStep
 from errorscreen.exceptions import InputError
 from errorscreen.models import DEVICES
@@ -28,13 +28,11 @@ Pair = Annotated[list[int], Field(min_length=2, max_length=2)]
 class ParameterSection(Section):
     """Changes to one candidate parameter."""
 
-    nominal: float | None = Field(
-        default=None, description="value before calibration; typical value if not given"
-    )
-    relative: Positive | None = Field(default=None, description="bounds at nominal ± this part of it")
-    lower: float | None = Field(default=None, description="lower bound")
-    upper: float | None = Field(default=None, description="upper bound")
-    scale: Positive | None = Field(default=None, description="size of a change that matters, if nominal is 0")
+    nominal: float | None = setting(None, "value before calibration; typical value if not given")
+    relative: Positive | None = setting(None, "bounds at nominal ± this part of it")
+    lower: float | None = setting(None, "lower bound")
+    upper: float | None = setting(None, "upper bound")
+    scale: Positive | None = setting(None, "size of a change that matters, if nominal is 0")
 
     @model_validator(mode="after")
     def _one_kind_of_bounds(self) -> ParameterSection:
@@ -61,13 +59,11 @@ class ParameterSection(Section):
 class CandidatesSection(Section):
     """Parameters of a model that may be wrong, and their ranges."""
 
-    relative: Positive | None = Field(
-        default=None, description="bounds of all candidates at nominal ± this part"
+    relative: Positive | None = setting(None, "bounds of all candidates at nominal ± this part")
+    candidates: Annotated[list[str], Field(min_length=1)] | None = setting(
+        None, "parameters that may be wrong; all if not given"
     )
-    candidates: Annotated[list[str], Field(min_length=1)] | None = Field(
-        default=None, description="parameters that may be wrong; all if not given"
-    )
-    parameters: dict[str, ParameterSection] = Field(default={}, description="changes to single parameters")
+    parameters: dict[str, ParameterSection] = setting({}, "changes to single parameters")
 
     def apply(self, space: ParameterSpace) -> ParameterSpace:
         """Candidates of this case, from those of the model.
@@ -94,14 +90,14 @@ class CandidatesSection(Section):
 class DeviceSection(CandidatesSection):
     """A plant that is compared with the recording while the recorded voltage is imposed on its terminal."""
 
-    type: Annotated[str, NameIn(DEVICES)] = Field(description="kind of the plant")
-    constants: dict[str, float] = Field(default={}, description="values of other constants")
-    grid_resistance: NotNegative = Field(
-        default=0.0,
-        description="of the grid seen from the terminal, in pu of the device's base: how much the plant itself moves "
-        "the voltage",
+    type: Annotated[str, NameIn(DEVICES)] = setting(..., "kind of the plant")
+    constants: dict[str, float] = setting({}, "values of other constants")
+    grid_resistance: NotNegative = setting(
+        0.0,
+        "of the grid seen from the terminal, in pu of the device's base: how much the plant itself moves the "
+        "voltage",
     )
-    grid_reactance: NotNegative = Field(default=0.0, description="the same, reactance")
+    grid_reactance: NotNegative = setting(0.0, "the same, reactance")
 
     @property
     def grid_impedance(self) -> complex:
@@ -124,12 +120,12 @@ class DeviceSection(CandidatesSection):
 class GridSection(CandidatesSection):
     """A simulated grid that is compared with the recording, instead of a device."""
 
-    case: Literal["ieee39"] = Field(description="ieee39, the 39-bus case study")
-    channels: dict[str, int | Pair] = Field(
-        default={"V": 2, "P": [25, 2]},
+    case: Literal["ieee39"] = setting(..., "ieee39, the 39-bus case study")
+    channels: dict[str, int | Pair] = setting(
+        {"V": 2, "P": [25, 2]},
+        "recorded quantities by name: a bus for its voltage, or [sending, receiving] bus for the active power"
+        " that arrives",
         min_length=1,
-        description="recorded quantities by name: a bus for its voltage, or [sending, receiving] bus for the active "
-        "power that arrives",
     )
 
     @model_validator(mode="after")
@@ -233,10 +229,10 @@ class FaultSection(EventSection):
 
     TITLE: ClassVar[str] = "fault"
 
-    bus: int = Field(description="where")
-    duration: Positive = Field(description="seconds until it is cleared")
-    resistance: NotNegative = Field(default=0.0, description="to ground, in pu of the grid's base")
-    reactance: NotNegative = Field(default=0.0, description="the same, reactance")
+    bus: int = setting(..., "where")
+    duration: Positive = setting(..., "seconds until it is cleared")
+    resistance: NotNegative = setting(0.0, "to ground, in pu of the grid's base")
+    reactance: NotNegative = setting(0.0, "the same, reactance")
 
     def event(self, time: NDArray[np.float64], name: str, start: float, level: float) -> GridEvent:
         """Event on a time axis in seconds."""
@@ -251,8 +247,8 @@ class LineTripSection(EventSection):
 
     TITLE: ClassVar[str] = "line trip"
 
-    ends: Pair = Field(description="its two buses")
-    circuit: str | None = Field(default=None, description="which one, where there are several")
+    ends: Pair = setting(..., "its two buses")
+    circuit: str | None = setting(None, "which one, where there are several")
 
     def event(self, time: NDArray[np.float64], name: str, start: float, level: float) -> GridEvent:
         """Event on a time axis in seconds."""
@@ -266,9 +262,9 @@ class LoadStepSection(EventSection):
 
     TITLE: ClassVar[str] = "load step"
 
-    factor: NotNegative = Field(description="on the loads before the event")
-    buses: Annotated[list[int], Field(min_length=1)] | None = Field(
-        default=None, description="buses whose loads change; all if not given"
+    factor: NotNegative = setting(..., "on the loads before the event")
+    buses: Annotated[list[int], Field(min_length=1)] | None = setting(
+        None, "buses whose loads change; all if not given"
     )
 
     @model_validator(mode="after")

@@ -22,6 +22,11 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
 
+def setting(default: Any, description: str, **limits: Any) -> Any:
+    """Key of a section: default (`...` where it is required), meaning, and limits of `pydantic.Field`."""
+    return Field(default=default, description=description, **limits)
+
+
 def each_once(names: list[str]) -> list[str]:
     """Refuse a name that is given twice."""
     twice = sorted({repr(name) for name in names if names.count(name) > 1})
