@@ -40,13 +40,9 @@ def fall(t: Any, x: Any, u: Any, p: Any, dx: Any) -> None:
 
 
 def read_silverbox(
-    path: str | Path,
-    first: int = 0,
-    last: int | None = None,
-    *,
-    noise: float = SILVERBOX_NOISE,
-    name: str = "silverbox",
-) -> Recording:
+    path: str | Path, first: int = 0, last: int | None = None, *,
+    noise: float = SILVERBOX_NOISE, name: str = "silverbox",
+) -> Recording:  # fmt: skip
     """Read samples `first` to `last` of the oscillator's record.
 
     Parameters
@@ -65,12 +61,11 @@ def read_silverbox(
         If a column is missing or fewer than 100 samples are left.
     """
     table = _table(path, ("time_s", "u_V", "y_V"))
-    time, u, y = (table[name][first:last] for name in ("time_s", "u_V", "y_V"))
+    time, u, y = (values[first:last] for values in table.values())
     if len(time) < 100:
         raise InputError(f"{len(time)} samples are left", where=str(path), allowed="at least 100")
-    return Recording.from_signals(
-        time - time[0], {"u": u, "y": y}, name=name, units={"u": "V", "y": "V"}, noise={"y": noise}
-    )
+    signals, units = {"u": u, "y": y}, {"u": "V", "y": "V"}
+    return Recording.from_signals(time - time[0], signals, name=name, units=units, noise={"y": noise})
 
 
 def silverbox(recording: Recording, **options: Any) -> ODESimulator:
@@ -79,7 +74,7 @@ def silverbox(recording: Recording, **options: Any) -> ODESimulator:
     Parameters
     ----------
     recording : Recording
-    **options : mapping
+    **options
         Of `ODESimulator`.
     """
     k = _STIFFNESS
@@ -137,35 +132,28 @@ def falling_ball(recording: Recording, **options: Any) -> ODESimulator:
     Parameters
     ----------
     recording : Recording
-    **options : mapping
+    **options
         Of `ODESimulator`, for example other `templates` than `RESISTANCES`.
     """
     height = float(recording.channel("height").values[0])
+    initial = {
+        "height": Parameter("height", height, height - 3.0, height + 3.0, "m"),
+        "velocity": Parameter("velocity", 0.0, -1.5, 1.5, "m/s", scale=1.0),
+    }
+    options = {"templates": RESISTANCES, "constants": {"g": 9.80665}, "initial": initial, **options}
     return ODESimulator(
-        fall,
-        {"height": "m", "velocity": "m/s"},
-        [],
-        recording,
-        outputs=["height"],
-        constants={"g": 9.80665},
-        initial={
-            "height": Parameter("height", height, height - 3.0, height + 3.0, "m"),
-            "velocity": Parameter("velocity", 0.0, -1.5, 1.5, "m/s", scale=1.0),
-        },
-        **{"templates": RESISTANCES, **options},
+        fall, {"height": "m", "velocity": "m/s"}, [], recording, outputs=["height"], **options
     )
 
 
-def _table(path: str | Path, columns: tuple[str, ...]) -> Any:
+def _table(path: str | Path, columns: tuple[str, ...]) -> dict[str, Any]:
     """Columns of a CSV file as arrays."""
     import pandas as pd
 
     if not Path(path).is_file():
         raise InputError("the file does not exist", where=str(path))
     frame = pd.read_csv(path)
-    missing = [name for name in columns if name not in frame]
+    missing = ", ".join(name for name in columns if name not in frame)
     if missing:
-        raise InputError(
-            f"the column {', '.join(missing)} is missing", where=str(path), allowed=", ".join(columns)
-        )
+        raise InputError(f"the column {missing} is missing", where=str(path), allowed=", ".join(columns))
     return {name: frame[name].to_numpy() for name in columns}

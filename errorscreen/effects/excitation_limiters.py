@@ -80,78 +80,48 @@ def _start_flux(values: Values, h: float) -> Values:
 
 
 def _limiter(
-    name: str,
-    title: str,
-    equations: Equations,
-    start: Callable[[Values, float], Values],
-    gain: tuple[float, float],
-    limit: Parameter,
-    formula: str,
-    description: str,
-    confused: tuple[str, ...],
-) -> Effect:
+    name: str, title: str, equations: Equations, start: Callable[[Values, float], Values],
+    gain: tuple[float, float], limit: Parameter, formula: str, description: str, confused: tuple[str, ...],
+) -> Effect:  # fmt: skip
     return Effect(
-        name=name,
-        title=title,
-        port="Efd",
+        name, title, "Efd", equations,
+        (strength("K", *gain, "1/s", limit.device, "K", "integral gain; 0: none"), limit),
+        ("x",), ("limit",), start,
         devices=("synchronous_machine",),
-        equations=equations,
-        parameters=(strength("K", *gain, "1/s", limit.device, "K", "integral gain; 0: none"), limit),
-        states=("x",),
-        derived=("limit",),
-        initialise=start,
         formula=f"{formula}, x ≥ 0",
         description=description,
         source="after the summed-type limiters of IEEE Std 421.5-2016 (types OEL, UEL, SCL)",
         confused_with=confused,
-    )
+    )  # fmt: skip
 
 
 FIELD_CURRENT_LIMITER = _limiter(
-    "field_limiter",
-    "Field-current (over-excitation) limiter",
-    field_current,
-    _start_field,
-    (3.0, 20.0),
+    "field_limiter", "Field-current (over-excitation) limiter", field_current, _start_field, (3.0, 20.0),
     value("If_max", 2.5, 1.2, 4.0, "pu", "field-current limiter", "I_fd,max", "limit of the field current"),
     "Efd = Efd* − x, dx/dt = K (Ifd − If_max)",
     "Above its limit the field current is brought down: the machine gives less reactive power after a dip, or while "
     "the voltage stays low, than its model does.",
     ("a stator-current limiter", "a smaller exciter gain", "a larger Xd"),
-)
+)  # fmt: skip
 STATOR_CURRENT_LIMITER = _limiter(
-    "stator_limiter",
-    "Stator-current limiter",
-    stator_current,
-    _start_stator,
-    (3.0, 20.0),
+    "stator_limiter", "Stator-current limiter", stator_current, _start_stator, (3.0, 20.0),
     value("I_max", 1.1, 0.7, 2.5, "pu", "stator-current limiter", "I_max", "limit of the stator current"),
     "Efd = Efd* ∓ x, dx/dt = K (√(Id² + Iq²) − I_max)",
     "While the stator current exceeds its limit, the excitation is changed so that reactive current falls.",
     ("a field-current limiter", "a volts-per-hertz limiter"),
-)
+)  # fmt: skip
 UNDER_EXCITATION_LIMITER = _limiter(
-    "under_excitation",
-    "Under-excitation limiter",
-    under_excitation,
-    _start_under,
-    (5.0, 30.0),
+    "under_excitation", "Under-excitation limiter", under_excitation, _start_under, (5.0, 30.0),
     value("Q_min", -0.1, -0.6, 0.2, "pu", "under-excitation limiter", "Q_min", "least reactive power"),
     "Efd = Efd* + x, dx/dt = K (Q_min − Q)",
     "The machine may not consume more reactive power than the limit: the field voltage is raised when the voltage of "
     "the grid is high.",
     ("an exciter", "saturation"),
-)
+)  # fmt: skip
 VOLTS_PER_HERTZ_LIMITER = _limiter(
-    "volts_per_hertz",
-    "Volts-per-hertz limiter",
-    volts_per_hertz,
-    _start_flux,
-    (20.0, 100.0),
-    value(
-        "VHz_max", 1.05, 1.0, 1.2, "pu", "volts-per-hertz limiter", "(V/f)_max", "limit of V over frequency"
-    ),
+    "volts_per_hertz", "Volts-per-hertz limiter", volts_per_hertz, _start_flux, (20.0, 100.0),
+    value("VHz_max", 1.05, 1.0, 1.2, "pu", "volts-per-hertz limiter", "(V/f)_max", "limit of V over frequency"),
     "Efd = Efd* − x, dx/dt = K (V/ω − VHz_max)",
     "Above the limit of voltage over frequency the field voltage is lowered to protect the iron.",
     ("an exciter", "a field-current limiter"),
-)
+)  # fmt: skip

@@ -35,16 +35,7 @@ def forced_oscillation(port: str, *devices: str) -> Effect:
         parameters=(
             strength("A", 0.02, 0.2, "pu", "forced oscillation", "A", "amplitude; 0: none"),
             value("f", 1.0, 0.1, 3.0, "Hz", "forced oscillation", "f", "frequency"),
-            value(
-                "t0",
-                0.0,
-                -2.0,
-                5.0,
-                "s",
-                "forced oscillation",
-                "t_0",
-                "when it begins, after the record does",
-            ),
+            value("t0", 0.0, -2.0, 5.0, "s", "forced oscillation", "t_0", "start, from that of the record"),
         ),
         states=("t",),
         formula="u = u* + A sin(2π f (t − t0)), t ≥ t0",

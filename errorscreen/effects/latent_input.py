@@ -97,10 +97,8 @@ def latent_input(port: str, size: float, unit: str = "pu", devices: tuple[str, .
         parameters=(
             Parameter("on", 1.0, 0.0, 1.0, "", of, "on", "0: none"),
             Parameter("pulse", 0.0, -size, size, unit, of, "p", "height of the pulse", scale=size),
-            Parameter("centre", 0.0, 0.0, 1.0, "", of, "c", "its place, a share of the window", scale=1.0),
-            Parameter(
-                "width", 1.0, 1e-6, 1.0, "", of, "w", "its half width, a share of the window", scale=1.0
-            ),
+            Parameter("centre", 0.0, 0.0, 1.0, "", of, "c", "its centre, a share of the window", scale=1.0),
+            Parameter("width", 1.0, 1e-6, 1.0, "", of, "w", "half width, a share of the window", scale=1.0),
             *knots,
         ),
         states=("t",),

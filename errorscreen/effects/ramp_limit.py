@@ -52,7 +52,7 @@ RAMP_LIMIT = Effect(
     equations=ramp_limit,
     parameters=(
         strength(
-            "Tr", 1.0, 30.0, "s", "ramp limit", "T_r", "time in which the current rises by 1 pu; 0: none"
+            "Tr", 1.0, 30.0, "s", "ramp limit", "T_r", "time for a rise of the current by 1 pu; 0: none"
         ),
     ),
     states=("x",),

@@ -36,9 +36,7 @@ SATURATION = Effect(
     devices=("synchronous_machine",),
     equations=saturation,
     parameters=(
-        strength(
-            "A", 3.0, 12.0, "1/pu", "saturation", "A", "curvature of the saturation function; 0: linear"
-        ),
+        strength("A", 3.0, 12.0, "1/pu", "saturation", "A", "curvature of the saturation; 0: linear"),
         value("E1", 0.8, 0.6, 1.1, "pu", "saturation", "E_1", "voltage at which saturation begins"),
     ),
     derived=("S0",),

@@ -127,16 +127,9 @@ class Scales:
         return Parameter(name, 0.1 * size, *bounds, unit, self.of, name, text, scale=4.0 * size)
 
     def between(
-        self,
-        name: str,
-        low: float,
-        high: float,
-        unit: str,
-        symbol: str,
-        text: str,
-        typical: float | None = None,
-    ) -> Parameter:
-        """Any other parameter, typically in the middle of its range: that of the logarithm, if it is positive."""
+        self, name: str, low: float, high: float, unit: str, symbol: str, text: str, typical: float | None = None
+    ) -> Parameter:  # fmt: skip
+        """Any other parameter, typically in the middle of its range, or of its logarithm where it is positive."""
         middle = math.sqrt(low * high) if low > 0 else 0.5 * (low + high)
         return value(name, middle if typical is None else typical, low, high, unit, self.of, symbol, text)
 
