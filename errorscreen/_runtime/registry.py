@@ -9,11 +9,13 @@ from typing import Any, Generic, TypeVar
 
 from errorscreen.exceptions import InputError, unknown_name
 
+#: groups of entry points, behind ``errorscreen.``
+_ROOMS = ("devices", "effects", "readers", "screeners", "calibrators")
 T = TypeVar("T")
 
 
 class Registry(Mapping[str, T], Generic[T]):
-    """Objects by name, in the order of registration; those of other packages come last.
+    """Objects by name in the order of registration, then objects of other packages by alphabet.
 
     Another package adds an object by an entry point of the registry's group. It is imported when its name is looked up.
 
@@ -79,12 +81,11 @@ class Registry(Mapping[str, T], Generic[T]):
         InputError
             If the name is unknown or its entry point does not load.
         """
-        if name not in self._items:
-            others = self._entry_points()
-            if name not in others:
-                raise unknown_name(name, self, kind=self.kind, where=where)
-            self.register(name, self._load(others[name]))
-        return self._items[name]
+        if name in self._items:
+            return self._items[name]
+        if name not in self:
+            raise unknown_name(name, self, kind=self.kind, where=where)
+        return self._load(self._entry_points()[name])
 
     def __getitem__(self, name: str) -> T:
         return self.find(name)
@@ -97,16 +98,16 @@ class Registry(Mapping[str, T], Generic[T]):
         return name in self._items or name in self._entry_points()
 
     def __iter__(self) -> Iterator[str]:
-        return iter(dict.fromkeys((*self._items, *self._entry_points())))
+        return iter((*self._items, *self._entry_points()))
 
     def __len__(self) -> int:
-        return len(list(iter(self)))
+        return len(self._items) + len(self._entry_points())
 
     def _entry_points(self) -> dict[str, EntryPoint]:
-        """Entry points of other packages by name."""
+        """Entry points of other packages by name, in alphabetical order."""
         if self._others is None:
             found: dict[str, EntryPoint] = {}
-            for point in _installed().select(group=self.group):
+            for point in sorted(_installed().select(group=self.group)):
                 if point.name in self._items or point.name in found:
                     raise InputError(
                         f"the name {point.name!r} is taken",
@@ -135,6 +136,12 @@ class Registry(Mapping[str, T], Generic[T]):
             allowed = f"{'a subclass' if self.classes else 'an object'} of {self.base.__qualname__}"
             raise InputError(f"{item!r:.80} cannot be registered", where=where, allowed=allowed)
         return item
+
+
+def other_packages() -> list[str]:
+    """Names and versions of the packages that add to a registry, because results depend on them."""
+    groups = [_installed().select(group=f"errorscreen.{room}") for room in _ROOMS]
+    return sorted({f"{p.dist.name} {p.dist.version}" for points in groups for p in points if p.dist})
 
 
 @cache

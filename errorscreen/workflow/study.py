@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen._runtime.checkpoint import digest, program
+from errorscreen._runtime.registry import other_packages
 from errorscreen.cases import Case
 from errorscreen.cases.case_models import CalibrationSection, DiscoverySection, RunSection, ScreeningSection
 from errorscreen.data.observations import Observation
@@ -185,6 +186,7 @@ class Study:
         section = getattr(self, stage).model_dump(exclude={"methods", "enabled"})
         return digest(
             program(),
+            other_packages(),
             stage,
             [(p.name, p.nominal, p.lower, p.upper, p.scale) for p in self.simulator.parameters],
             repr(self.simulator),

@@ -1,8 +1,9 @@
 import re
+import sys
 
 import pytest
 
-from errorscreen._runtime.registry import Registry, _installed
+from errorscreen._runtime.registry import Registry, _installed, other_packages
 from errorscreen.exceptions import InputError
 
 
@@ -39,19 +40,36 @@ def test_a_name_is_taken_once_and_objects_are_of_one_class():
         classes.register("one", 1)
 
 
-def test_an_entry_point_may_not_take_a_name(tmp_path, monkeypatch):
+@pytest.fixture
+def other(tmp_path, monkeypatch):
+    """An installed package that adds the numbers one and two, and an effect."""
     info = tmp_path / "other-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: other\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[errorscreen.test_numbers]\none = other:ONE\n")
+    points = "[errorscreen.test_numbers]\ntwo = other_numbers:TWO\none = other_numbers:ONE\n"
+    (info / "entry_points.txt").write_text(
+        points + "[errorscreen.effects]\nnothing = other_numbers:NOTHING\n"
+    )
+    (tmp_path / "other_numbers.py").write_text("ONE, TWO = 1, 2\n")
     monkeypatch.syspath_prepend(str(tmp_path))
-    registry = Registry("number", "errorscreen.test_numbers", int, {"one": 1})
     _installed.cache_clear()
-    try:
-        assert registry["one"] == 1
-        with pytest.raises(
-            InputError, match="package other, entry point 'one' of .*: the name 'one' is taken"
-        ):
-            list(registry)
-    finally:
-        _installed.cache_clear()
+    yield
+    _installed.cache_clear()
+    sys.modules.pop("other_numbers", None)
+
+
+@pytest.mark.usefixtures("other")
+def test_entry_points_come_last_and_are_loaded_when_they_are_looked_up():
+    registry = Registry("number", "errorscreen.test_numbers", int, {"zero": 0})
+    assert list(registry) == ["zero", "one", "two"]
+    assert "other_numbers" not in sys.modules
+    assert dict(registry) == {"zero": 0, "one": 1, "two": 2}
+    assert "other 1.0" in other_packages()
+
+
+@pytest.mark.usefixtures("other")
+def test_an_entry_point_may_not_take_a_name():
+    registry = Registry("number", "errorscreen.test_numbers", int, {"one": 1})
+    assert registry["one"] == 1
+    with pytest.raises(InputError, match="package other, entry point 'one' of .*: the name 'one' is taken"):
+        list(registry)
