@@ -8,6 +8,7 @@ from errorscreen.cases.case_file import Case, case_reference, load_case
 from errorscreen.cases.case_models import ColumnSection
 from errorscreen.cases.keys import sections
 from errorscreen.cases.model_sections import ParameterSection
+from errorscreen.cli import main
 from errorscreen.data import Column
 from errorscreen.exceptions import InputError
 from errorscreen.parameters import Parameter
@@ -154,6 +155,16 @@ def test_the_reference_names_every_key():
             assert any(part in text for part in (f"`{key}`", f".{key}.NAME", f".{key}]"))
 
 
+def test_the_command_line_prints_the_keys_of_a_section(capsys):
+    assert main(["keys", "device"]) == 0
+    printed = capsys.readouterr().out
+    assert "### `[device]`" in printed
+    assert "### `[device.parameters.NAME]`" in printed
+    assert "[run]" not in printed
+    assert main(["keys", "devise"]) == 2
+    assert "unknown section of a case file 'devise' (did you mean 'device'" in capsys.readouterr().err
+
+
 def replaced(old, new):
     assert old in GOOD
     return GOOD.replace(old, new)
@@ -228,6 +239,10 @@ BAD = {
     "method twice": (
         replaced('["sensitivity", "random"]', '["random", "random"]'),
         "screening.methods: 'random' was found twice. Allowed: each name once.",
+    ),
+    "unknown format": (
+        replaced("base_mva = 50", 'base_mva = 50\nformat = "cvs"'),
+        "recording.format: unknown format 'cvs' (did you mean 'csv'?). Allowed: csv.",
     ),
     "unknown sign": (
         replaced('sign = "load"', 'sign = "consumer"'),
