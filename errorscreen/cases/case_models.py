@@ -65,14 +65,12 @@ class RecordingSection(Section):
     noise: dict[str, Positive] = setting({}, "known noise of a channel, in pu, rad or Hz")
     held: Literal["drop", "keep"] = setting("drop", "stale repeats of a slow meter")
     on_backward: Literal["error", "sort", "drop"] = setting("error", "where time runs backwards")
-    max_missing: Annotated[float, Field(ge=0, le=1)] = setting(
-        0.4, "largest part of a channel that may be missing"
-    )
+    max_missing: float = setting(0.4, "largest part of a channel that may be missing", ge=0, le=1)
     missing: list[str] = setting([], "further texts that mark a gap")
     delimiter: str | None = setting(None, "between fields; recognised if not given")
     decimal: Literal[".", ","] = setting(".", "decimal mark")
     encoding: str = setting("utf-8-sig", "of the file")
-    skip_rows: Annotated[int, Field(ge=0)] = setting(0, "lines above the header")
+    skip_rows: int = setting(0, "lines above the header", ge=0)
     load_level: Positive = setting(1.0, "grid: factor on all loads and generators before the event")
     fault: FaultSection | None = setting(None, "grid: the event")
     line_trip: LineTripSection | None = setting(None, "grid: the event")
@@ -116,12 +114,14 @@ class ScreeningSection(Section):
     methods: Annotated[list[Annotated[str, NameIn(SCREENERS)]], AfterValidator(each_once)] = setting(
         ["cnn", "sensitivity", "random"], "screeners; `pso` calibrates the selection of each", min_length=1
     )
-    samples: Annotated[int, Field(ge=_LEAST_SAMPLES)] = setting(
-        600, "cnn: labelled errors it learns from; each costs a simulation for every parameter and one more"
+    samples: int = setting(
+        600,
+        "cnn: labelled errors it learns from; each costs a simulation for every parameter and one more",
+        ge=_LEAST_SAMPLES,
     )
     epochs: Count = setting(60, "cnn: most passes over them")
-    frequencies: Annotated[int, Field(ge=8)] = setting(16, "cnn: height of the time-frequency images")
-    columns: Annotated[int, Field(ge=8)] = setting(32, "cnn: width of the images")
+    frequencies: int = setting(16, "cnn: height of the time-frequency images", ge=8)
+    columns: int = setting(32, "cnn: width of the images", ge=8)
     top_k: Count | None = setting(None, "how many parameters are selected")
     threshold: Annotated[float, Field(gt=0, le=1)] | None = setting(
         None, "or those above this part of the largest contribution; 0.1 if neither is given"
@@ -143,8 +143,8 @@ class CalibrationSection(Section):
     prior_scale: Positive = setting(0.3, "map: relative standard deviation of the prior")
     starts: Count = setting(8, "map: number of starts")
     library: Count = setting(2048, "map: simulations from which the starts are taken")
-    level: Annotated[float, Field(gt=0, lt=1)] = setting(0.9, "map: probability of the intervals")
-    particles: Annotated[int, Field(ge=2)] = setting(30, "pso: number of particles")
+    level: float = setting(0.9, "map: probability of the intervals", gt=0, lt=1)
+    particles: int = setting(30, "pso: number of particles", ge=2)
     iterations: Count = setting(80, "pso: number of iterations")
     inertia: Positive = setting(0.7298, "pso: inertia weight")
     cognitive: Positive = setting(1.4962, "pso: learning factor towards a particle's own best")
@@ -167,16 +167,15 @@ class DiscoverySection(Section):
     effects: Annotated[list[str], Field(min_length=1), AfterValidator(each_once)] | None = setting(
         None, "effects to try; all of the library if not given"
     )
-    max_effects: Annotated[int, Field(ge=1, le=3)] = setting(
-        2, "largest number of effects that are named together"
-    )
+    max_effects: int = setting(2, "largest number of effects that are named together", ge=1, le=3)
     fits: Count = setting(6, "effects whose joint fit goes on to the end")
-    draws: Annotated[int, Field(ge=8)] = setting(
-        128, "draws of an effect's parameters in each round of its signature"
-    )
+    draws: int = setting(128, "draws of an effect's parameters in each round of its signature", ge=8)
     starts: Count = setting(4, "starts of the fit without effects")
-    significance: Annotated[float, Field(ge=0.001, lt=1)] = setting(
-        0.002, "the remainder counts as more than noise below this probability; the test resolves 0.001"
+    significance: float = setting(
+        0.002,
+        "the remainder counts as more than noise below this probability; the test resolves 0.001",
+        ge=0.001,
+        lt=1,
     )
     step: Positive | None = setting(
         None,
@@ -200,7 +199,7 @@ class DiscoverySection(Section):
 class RunSection(Section):
     """How the computation is run."""
 
-    random_state: Annotated[int, Field(ge=0)] = setting(0, "seed of all random numbers")
+    random_state: int = setting(0, "seed of all random numbers", ge=0)
     n_jobs: int = setting(1, "processes that simulate for the network; -1 for one on each core")
     out: str | None = setting(
         None, "folder for results, relative to the case file; `errorscreen diagnose` writes to diagnose in it"

@@ -29,7 +29,7 @@ def sexs(value: Any, V: Any, V0: Any, Efd0: Any, x: Any, E: Any, K: Any, TA_TB: 
     """Field voltage and derivatives of lead-lag and exciter, (X1) to (X4)."""
     e = V0 - V
     y = x + TA_TB * (e - x)
-    # limits never cut into the equilibrium, so that K = 0 is an identity at any loading
+    # the limits hold the equilibrium, so that K = 0 is an identity at any loading
     low = clip(_E_MIN - Efd0, -1e9, 0.0)
     high = clip(_E_MAX - Efd0, 0.0, 1e9)
     return value + clip(E, low, high), (e - x) / TB, hold_at_limits(E, (K * y - E) / TE, low, high)

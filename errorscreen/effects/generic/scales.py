@@ -1,4 +1,4 @@
-"""Ranges of the parameters of generic effects, from the scales of the model that they act on."""
+"""Ranges of the parameters of generic effects, from the scales of their model."""
 
 from __future__ import annotations
 
@@ -138,8 +138,8 @@ def _stribeck(at: Scales) -> tuple[Parameter, ...]:
     size = at.anatomy.size(at.signal)
     return (
         at.positive("F", at.effort, at.rate, "force in motion"),
-        at.between("r", 0.0, 3.0, "", "r", "by how much more it is at rest", 0.5),
-        at.between("s0", 0.01 * size, size, at.unit, "s_0", "where it has fallen to a third"),
+        at.between("r", 0.0, 3.0, "", "r", "additional force at rest, as a share", 0.5),
+        at.between("s0", 0.01 * size, size, at.unit, "s_0", "signal at which that share has fallen to a third"),
     )
 
 
@@ -176,7 +176,7 @@ def _overflow(at: Scales) -> tuple[Parameter, ...]:
     most = _STEEPEST / at.anatomy.step
     share = (at.between("r", 0.0, 2.0, "", "r", "share that arrives", 0.5),) if at.into else ()
     return (
-        strength("k", 0.3 * most, most, "1/s", at.of, "k", "how fast it flows away; 0: none"),
+        strength("k", 0.3 * most, most, "1/s", at.of, "k", "rate of the outflow; 0: none"),
         at.between("c", low, high, at.unit, "c", "height of the brim", low + 0.7 * (high - low)),
         *share,
     )
