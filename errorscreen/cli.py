@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import io
+import logging
 import os
 import shutil
 import signal
@@ -23,6 +24,7 @@ from errorscreen.exceptions import ErrorscreenError, InputError
 BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
 #: interrupts that have come
 _interrupts: list[int] = []
+_log = logging.getLogger("errorscreen")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -50,7 +52,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     warnings.showwarning = _show_warning
     out = options.default_out if options.out is None else options.out
     try:
-        options.command(options, out)
+        with _talking(not getattr(options, "quiet", False)):
+            options.command(options, out)
     except ErrorscreenError as error:
         print(f"errorscreen: {error}", file=sys.stderr)
         return BAD_INPUT if isinstance(error, InputError) else FAILED
@@ -88,16 +91,33 @@ def _interrupt(number: int, frame: Any) -> None:
     raise KeyboardInterrupt
 
 
-def _teller(show: bool) -> Callable[[str], None]:
-    """Print lines of progress, and raise an interrupt again that a library has kept quiet about."""
+class _Console(logging.Handler):
+    """Print lines of progress, and raise an interrupt again that a library has swallowed."""
 
-    def tell(line: str) -> None:
+    def __init__(self, show: bool) -> None:
+        super().__init__(logging.INFO)
+        self._show = show
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print one line."""
         if _interrupts:
             raise KeyboardInterrupt
-        if show:
-            print(line, file=sys.stderr, flush=True)
+        if self._show:
+            print(record.getMessage(), file=sys.stderr, flush=True)
 
-    return tell
+
+@contextmanager
+def _talking(show: bool) -> Iterator[None]:
+    """Show the log of the package on the console while a command runs."""
+    logger, handler = logging.getLogger("errorscreen"), _Console(show)
+    level = logger.level
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
+        logger.setLevel(level)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -227,7 +247,7 @@ def _diagnose(options: argparse.Namespace, out: str | None) -> None:
 
     case = load_case(options.case)
     changes = {
-        "screening": case.screening.model_copy(update={"methods": ["sensitivity"]}),
+        "screening": case.screening.model_copy(update={"methods": []}),
         "calibration": case.calibration.model_copy(update={"methods": ["map"]}),
         "discovery": case.discovery.model_copy(update={"enabled": True}),
     }
@@ -275,7 +295,7 @@ def _bench_paper(options: argparse.Namespace, out: str) -> None:
     with _stages(folder, options):
         paper_study(
             folder,
-            _teller(show),
+            _log.info,
             draws=options.draws,
             seed=options.seed,
             noise_db=options.noise_db,
@@ -297,7 +317,7 @@ def _bench_discovery(options: argparse.Namespace, out: str) -> None:
     with _stages(folder, options):
         discovery_study(
             folder,
-            _teller(show),
+            _log.info,
             case=options.case,
             scenarios=options.scenarios,
             seed=options.seed,
@@ -316,28 +336,28 @@ def _study(prepare: Callable[[], Any], out: Path, options: argparse.Namespace) -
     from errorscreen.discovery.conclusions import probable
     from errorscreen.workflow import run_study, write_outputs
 
-    show = not options.quiet
     with _stages(out, options):
         study = prepare()
-        outcome = run_study(study, out, progress=show, report=_teller(show))
+        outcome = run_study(study, out, progress=not options.quiet)
     written = write_outputs(outcome, out)
-    print(f"{study.title}: {outcome.verdict.kind}\n{outcome.verdict.text}")
-    if outcome.discovered is not None:
-        for cause in outcome.discovered.meta["causes"][:3]:
-            withdrawn = ", withdrawn" if cause["withdrawn"] else ""
-            print(f"  {probable(cause['probability']):>6}  {cause['title']}{withdrawn}")
-    for sentence in outcome.advice:
+    result = outcome.result
+    found = result.diagnosis
+    print(f"{study.title}: {found.final.kind}\n{found.final.text}")
+    for cause in found.causes[:3] if found.tried else ():
+        withdrawn = ", withdrawn" if cause.withdrawn else ""
+        print(f"  {probable(cause.probability):>6}  {cause.title}{withdrawn}")
+    for sentence in result.advice:
         print(f"Next: {sentence}")
-    failed = _failed(outcome)
+    failed = _failed(result)
     if failed:
         print(failed)
     print("Written: " + ", ".join(str(path) for path in written))
 
 
-def _failed(outcome: Any) -> str:
-    """How much could not be simulated, and what to do about it; empty if nothing failed."""
-    stages = {f"screening by {s.method}": s.n_failed for s in outcome.screened}
-    stages |= {f"calibration by {c.label}": c.meta["n_failed"] for c in outcome.calibrated}
+def _failed(result: Any) -> str:
+    """How many simulations failed, and what to do about it; empty if none did."""
+    stages = {f"screening by {s.method}": s.n_failed for s in result.screening}
+    stages |= {f"calibration by {c.label}": c.n_failed for c in result.calibration}
     counts = ", ".join(f"{count} in {stage}" for stage, count in stages.items() if count)
     if not counts:
         return ""

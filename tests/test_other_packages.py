@@ -95,9 +95,9 @@ def test_a_case_file_names_what_another_package_adds(folder):
     done = run(folder, "-m", "errorscreen", "run", "case.toml", "--out", "out", "--quiet")
     assert done.returncode == 0, done.stderr
     result = json.loads((folder / "out" / "result.json").read_text())
-    assert [method["method"] for method in result["screening"]["methods"]] == ["toy"]
-    assert [(m["method"], m["label"]) for m in result["calibration"]["methods"]] == [("toy", "toy on toy")]
-    assert result["discovery"]["extension"][0]["name"] == "boost"
+    assert [one["method"] for one in result["screening"]] == ["toy"]
+    assert [(m["method"], m["selection"]) for m in result["calibration"]] == [("toy", "toy")]
+    assert result["diagnosis"]["extension"][0]["name"] == "boost"
 
 
 def test_it_keeps_the_contracts_and_a_broken_entry_point_is_named(folder):

@@ -335,7 +335,7 @@ def _intervals(hidden: Scenario, finder: CauseFinder) -> list[_Record]:
     if not hidden.structure or set(effects) != set(hidden.structure):
         return []
     names = [effects[name].local(p.name) for name in hidden.structure for p in effects[name].parameters]
-    told = finder.causes_[0].parameters
+    told = finder.causes_[0].values
     return [
         {"name": name, "true": true, "value": told[name][0], "interval": list(told[name][1:])}
         for name, true in zip(names, hidden.values.tolist(), strict=True)

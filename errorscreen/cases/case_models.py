@@ -141,9 +141,9 @@ class CalibrationSection(Section):
         ["map", "pso"], "calibrators; the diagnosis shows the first one", min_length=1
     )
     prior_scale: Positive = setting(0.3, "map: relative standard deviation of the prior")
-    starts: Count = setting(8, "map: number of starts")
-    library: Count = setting(2048, "map: simulations from which the starts are taken")
-    level: float = setting(0.9, "map: probability of the intervals", gt=0, lt=1)
+    starts: Count = setting(4, "starts of the fit of all parameters")
+    library: Count = setting(2048, "simulations from which these starts are taken")
+    level: float = setting(0.9, "probability of the intervals", gt=0, lt=1)
     particles: int = setting(30, "pso: number of particles", ge=2)
     iterations: Count = setting(80, "pso: number of iterations")
     inertia: Positive = setting(0.7298, "pso: inertia weight")
@@ -170,7 +170,6 @@ class DiscoverySection(Section):
     max_effects: int = setting(2, "largest number of effects that are named together", ge=1, le=3)
     fits: Count = setting(6, "effects whose joint fit goes on to the end")
     draws: int = setting(128, "draws of an effect's parameters in each round of its signature", ge=8)
-    starts: Count = setting(4, "starts of the fit without effects")
     significance: float = setting(
         0.002,
         "the remainder counts as more than noise below this probability; the test resolves 0.001",

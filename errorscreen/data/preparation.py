@@ -22,6 +22,10 @@ MIN_AFTER = 5
 PLAUSIBLE_V = (0.5, 1.5)
 
 
+class Doubt(str):
+    """An assumption about a recording that a wrong unit, base or sign would explain."""
+
+
 def check_extras(
     values: Mapping[str, object], noise: Mapping[str, float], given: Mapping[str, float], where: str
 ) -> None:
@@ -226,6 +230,6 @@ def warn_implausible(V: float, where: str) -> list[str]:
     """
     if PLAUSIBLE_V[0] <= V <= PLAUSIBLE_V[1]:
         return []
-    note = f"V before the event is {V:.3g} pu: check its unit and base_kv."
+    note = Doubt(f"V before the event is {V:.3g} pu: check its unit and base_kv.")
     warnings.warn(f"{where}: {note}", DataWarning, stacklevel=3)
     return [note]

@@ -1,11 +1,13 @@
-"""Names what a model lacks, or says honestly that it is unknown."""
+"""Names what a model lacks, or says that it is unknown."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import logging
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from os import PathLike
-from typing import Any
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +19,22 @@ from errorscreen._runtime.sampling import generator
 from errorscreen._runtime.threads import one_blas_thread
 from errorscreen.calibration import MAPCalibrator
 from errorscreen.calibration.problem import FitProblem
+from errorscreen.calibration.result import Calibration, Estimate
 from errorscreen.data.observations import Observation
 from errorscreen.discovery import conclusions
+from errorscreen.discovery.diagnosis import (
+    EXTENDED,
+    NOMINAL,
+    PARAMETERS,
+    Diagnosis,
+    HypothesisFit,
+    simulated,
+)
 from errorscreen.discovery.fits.hypotheses import PRIOR, Hypothesis, candidates, parameters_only
+from errorscreen.discovery.judge.errors import ModelFit
 from errorscreen.discovery.judge.gain import Gain, measure_gain
 from errorscreen.discovery.judge.profiles import with_profiles
-from errorscreen.discovery.judge.ranking import rank_causes
+from errorscreen.discovery.judge.ranking import Cause, NamedEffect, half_width, rank_causes
 from errorscreen.discovery.judge.residual_test import ResidualTest, residual_test
 from errorscreen.discovery.judge.separation import Group, differing, group_of
 from errorscreen.discovery.judge.verdict import Verdict, judge
@@ -36,26 +48,35 @@ from errorscreen.simulators.base import Simulator
 from errorscreen.simulators.observations import as_observations, with_initial_states
 from errorscreen.simulators.user_functions import identity
 
-#: least significance: what the bootstrap of `residual_test` can tell apart
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+#: least significance: smaller probabilities cannot be told apart by the bootstrap of `residual_test`
 _LEAST = 0.001
+#: most cells of the error that a result holds
+_CELLS = 12
+#: verdicts that name something
+_NAMED = ("effect", "measurement")
 
 _Array = NDArray[np.float64]
+_log = logging.getLogger(__name__)
 
 
 class CauseFinder(BaseEstimator):
     r"""Find what a simulator lacks to reproduce recordings.
 
-    All hypotheses (parameters only, each effect of the library, pairs of them) are fitted together with all
-    parameters. One is *adequate* if what it leaves passes the test for noise (`residual_test`). Adequate ones are
-    compared by their evidence. If there is none, an effect that explains nearly all of what parameters leave (95 %;
-    two together 99.7 %) is named, with the remark that its form is not the library's; otherwise the verdict is
-    "unknown", with the place where something enters (`rank_input_locations`).
+    All hypotheses (parameters only, each effect of the library, pairs of effects) are fitted together with all
+    parameters. A hypothesis is *adequate* if its residuals pass the test for noise (`residual_test`). Adequate ones
+    are compared by their evidence. If there is none, an effect that explains nearly all of the error that parameters
+    leave (95 %; two together 99.7 %) is named, with the remark that its form differs from the library's. Otherwise the
+    verdict is "unknown", with the port where something enters (`rank_input_locations`).
 
     Parameters
     ----------
     simulator : Simulator
     effects : sequence of str, optional
-        Names of the effects to try; all of the simulator's where not given. What belongs to one recording
+        Names of the effects to try; all of the simulator's where not given. An effect that belongs to one recording
         (`Effect.event_specific`) is tried in each of them by itself, and is off in others; the names of their
         events tell recordings apart.
     max_effects : int, default 2
@@ -65,51 +86,52 @@ class CauseFinder(BaseEstimator):
     n_draws : int, default 128
         Draws of an effect's parameters for its signature.
     significance : float, default 0.002
-        What is left counts as more than noise where noise alone would be so conspicuous with this probability, at
-        least 0.001.
-    n_starts, library_size : int
-        Of the fit without effects, see `MAPCalibrator`.
+        Residuals exceed noise if noise alone would be so conspicuous with this probability, at least 0.001.
+    n_starts, library_size, level
+        Of the fit of all parameters, see `MAPCalibrator`.
     events : sequence of Event, optional
         Events that could be recorded in addition; the one that separates a group best is named.
     random_state : None, int, SeedSequence, Generator or RandomState
-    report : callable, optional
-        Takes lines of text while it works.
     checkpoint : path-like, optional
-        Folder for the parts of the search that are finished: after an interruption the same fit goes on from there. It
-        needs a `random_state` that is given.
+        Folder for finished parts of the search: after an interruption the same fit goes on from there. It needs a
+        `random_state`.
 
     Attributes
     ----------
     verdict_ : Verdict
         Its kind is ``"within-noise"``, ``"parameters"``, ``"effect"``, ``"measurement"`` or ``"unknown"``.
+    diagnosis_ : Diagnosis
+        The verdict with all that it rests on.
+    calibrator_ : MAPCalibrator
+        Fit of all parameters without effects, the start of every search.
     tried_ : tuple of str
         Names of the effects that were tried; none where nothing is to be explained.
     causes_ : list of Cause
         The most probable first; probabilities sum to 1.
     groups_ : list of Group
-        Explanations that the recordings do not tell from the first one; where the verdict is unknown, places of the
-        unknown signal that they do not tell apart.
+        Explanations that the recordings cannot tell from the first one; where the verdict is unknown, locations of the
+        unknown input that they cannot tell apart.
     hypotheses_ : list of Hypothesis
         All that were fitted, by falling evidence, with `ResidualTest.excess` in place of χ². Those of probable
-        causes are fitted once more in the end, with the noise of injected signals as it passes through them; they
-        were compared before that.
+        causes are fitted once more in the end, with the propagated noise of injected signals; they were compared
+        before that.
     residual_tests_ : dict of str to ResidualTest
-        Test of what each of them leaves, by its name.
+        Test of the residuals of each hypothesis, by its name.
     scores_ : dict of str to float
         Logarithm of the evidence of each hypothesis, (D1) with `ResidualTest.excess` in place of χ².
     signatures_ : dict of str to float
         Objective that each effect promised.
     input_locations_ : list of InputLocation
-        Where an unknown signal would enter, the most probable first; empty unless the verdict is unknown.
+        Where an unknown input would enter, the most probable first; empty unless the verdict is unknown.
     extended_simulator_ : Simulator
-        The simulator with what was found, at its fitted values; without an effect the calibrated one.
+        The simulator with the named effects, at its fitted values; without an effect the calibrated one.
     recalibrated_simulator_ : Simulator
         The simulator without effects at its fitted values.
     placebo_ : Hypothesis or None
         A wrong effect that was fitted, to compare a gain with.
     n_simulations_ : int
-        Those of part of a recording count like whole ones. How noise of injected signals passes through a model is not
-        counted: some hundred runs for each recording and model that comes near to noise.
+        Those of part of a recording count like whole ones. Runs that propagate the noise of injected signals are not
+        counted: some hundred for each recording and model that comes near to noise.
 
     Examples
     --------
@@ -132,9 +154,9 @@ class CauseFinder(BaseEstimator):
         significance: float = 0.002,
         n_starts: int = 4,
         library_size: int = 2048,
+        level: float = 0.9,
         events: Sequence[Event] | None = None,
         random_state: Any = None,
-        report: Callable[[str], None] | None = None,
         checkpoint: str | PathLike[str] | None = None,
     ) -> None:
         self.simulator = simulator
@@ -145,9 +167,9 @@ class CauseFinder(BaseEstimator):
         self.significance = significance
         self.n_starts = n_starts
         self.library_size = library_size
+        self.level = level
         self.events = events
         self.random_state = random_state
-        self.report = report
         self.checkpoint = checkpoint
 
     @one_blas_thread
@@ -167,18 +189,21 @@ class CauseFinder(BaseEstimator):
         SimulationError
             If nothing can be simulated.
         """
+        started = perf_counter()
         self._check()
         observations = as_observations(self.simulator, X)
         library = candidates(self.simulator, observations, self._names())
         self._seed = int(generator(self.random_state).integers(2**31))
         self.input_locations_: list[InputLocation] = []
-        self._tell("fit without effects")
-        self._calibrator = self._calibrate(observations)
-        self._count = self._calibrator.n_simulations_ + len(observations)  # those of the baseline
-        self._kept = self._journal(observations, library)
+        _log.info("fit of all parameters")
+        self.calibrator_ = self._calibrate(observations)
+        self.n_simulations_ = self.calibrator_.n_simulations_ + len(
+            observations
+        )  # those of the nominal model
+        self._journal = self._open_journal(observations, library)
         problem = FitProblem(self.simulator, list(observations))
-        best = min(self._calibrator.starts_, key=lambda start: start["objective"])
-        first = parameters_only(problem, self._calibrator.theta_, best["state"])
+        best = min(self.calibrator_.starts_, key=lambda start: start["objective"])
+        first = parameters_only(problem, self.calibrator_.theta_, best["state"])
         found = ModelSearch(
             first,
             max_effects=self.max_effects,
@@ -186,11 +211,13 @@ class CauseFinder(BaseEstimator):
             n_draws=self.n_draws,
             significance=self.significance,
             seed=self._seed,
-            tell=self._tell,
-            journal=self._kept,
+            tell=_log.info,
+            journal=self._journal,
         )
-        self._count += problem.n_simulations
-        self._nominal = self._baseline(observations)
+        self.n_simulations_ += problem.n_simulations
+        self._nominal = tuple(self.simulator.baseline(o.event) for o in observations)
+        test = self._test(observations, self._nominal)
+        self._nothing_to_explain = test.p_value > self.significance
         self.tried_: tuple[str, ...] = ()
         if self.max_effects and not self._nothing_to_explain:
             self.tried_ = tuple(effect.name for effect in library)
@@ -199,8 +226,8 @@ class CauseFinder(BaseEstimator):
             found.rest()
         self._base = base = found.base
         if base is not first:  # a better minimum, or a smaller step
-            self._calibrator = self._calibrate(base.observations, base)
-            self._count += self._calibrator.n_simulations_
+            self.calibrator_ = self._calibrate(base.observations, base)
+            self.n_simulations_ += self.calibrator_.n_simulations_
         self.residual_tests_, self.scores_, self.signatures_ = (
             found.residual_tests,
             found.scores,
@@ -210,9 +237,76 @@ class CauseFinder(BaseEstimator):
         self.causes_, self.hypotheses_, count = with_profiles(
             rank_causes(found), ranked, found.measured, self._seed
         )
-        self.n_simulations_ = self._count + found.n_simulations + count
+        self.n_simulations_ += found.n_simulations + count
         self._choose()
+        self.diagnosis_ = self._diagnosis(observations, perf_counter() - started)
         return self
+
+    def confirm(self, held_out: Any) -> Diagnosis:
+        """Judge the verdict on recordings that were not fitted.
+
+        Parameters
+        ----------
+        held_out : Observation, or anything ``simulator.observe`` takes, or a list of them
+
+        Returns
+        -------
+        Diagnosis
+            That of the fit with a second verdict beside the first, ``confirmed``. Named effects become "unknown" if
+            their gain (`measure_gain`) does not hold; then they are withdrawn and the locations of an unknown input
+            are ranked. "Parameters" and "within-noise" become "unknown" if the model does not reproduce these
+            recordings. The finder itself stays as it is.
+
+        Raises
+        ------
+        InputError
+            If one of the recordings was fitted.
+        """
+        check_is_fitted(self, "diagnosis_")
+        started = perf_counter()
+        others = self._others(held_out)
+        changes: dict[str, Any] = {"confirmed": self.verdict_}
+        if self.verdict_.kind in _NAMED:
+            changes = self._confirmed_effects(others)
+        elif self.verdict_.kind != "unknown":
+            verdict = self._judged(others)
+            changes = {"confirmed": verdict, **({"groups": ()} if verdict.kind == "unknown" else {})}
+        found = replace(self.diagnosis_, **changes)
+        models = {NOMINAL: self.simulator, PARAMETERS: self.recalibrated_simulator_}
+        if found.extension:
+            models[EXTENDED] = self.extended_simulator_
+        more = {
+            label: (*found.responses[label], *simulated(model, others)) for label, model in models.items()
+        }
+        return _with_models(found, (*found.observations, *others), more, perf_counter() - started)
+
+    def measure_gain(self, held_out: Any) -> Gain:
+        """Gain of the extended simulator on recordings that were not fitted.
+
+        The placebo is the best fitted wrong effect, with as many parameters if there is one. Effects of the fitted
+        recordings alone are off: then the gain is that of the parameters that were fitted beside them.
+
+        Parameters
+        ----------
+        held_out : Observation, or anything ``simulator.observe`` takes, or a list of them
+
+        Raises
+        ------
+        InputError
+            If one of the recordings was fitted.
+        """
+        check_is_fitted(self, "extended_simulator_")
+        extended, placebo = self.extended_simulator_, None
+        if self.placebo_ is not None:
+            placebo = self.placebo_.simulator.with_step_of(extended).with_nominal(self.placebo_.theta)
+        return measure_gain(
+            self.simulator.with_step_of(extended),
+            extended,
+            self._others(held_out),
+            recalibrated=self.recalibrated_simulator_,
+            placebo=placebo,
+            random_state=self._seed,
+        )
 
     def predict(self, event: Any = None) -> _Array:
         """Response (R, L) of the extended simulator to an event, or to that of a recording."""
@@ -228,6 +322,21 @@ class CauseFinder(BaseEstimator):
         chi2 = float(problem.chi_square(self.extended_simulator_.parameters.nominal)[0])
         return -chi2 / problem.n_values if np.isfinite(chi2) else -np.inf
 
+    def summary(self) -> str:
+        """Verdict, causes and errors as text, see `Diagnosis.summary`."""
+        check_is_fitted(self, "diagnosis_")
+        return self.diagnosis_.summary()
+
+    def plot(self, recording: int = 0) -> Figure:
+        """Measured against simulated channels of one recording, see `Diagnosis.plot`."""
+        check_is_fitted(self, "diagnosis_")
+        return self.diagnosis_.plot(recording)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Table of the causes, see `Diagnosis.to_frame`."""
+        check_is_fitted(self, "diagnosis_")
+        return self.diagnosis_.to_frame()
+
     @property
     def best_(self) -> Hypothesis:
         """The hypothesis that the verdict is about: the most probable one, or the parameters alone."""
@@ -236,7 +345,7 @@ class CauseFinder(BaseEstimator):
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()
-        tags.input_tags.two_d_array = False  # what is fitted is a recording
+        tags.input_tags.two_d_array = False  # recordings are fitted, not a table
         tags.target_tags.required = False
         return tags
 
@@ -246,10 +355,6 @@ class CauseFinder(BaseEstimator):
         for name in ("n_fits", "n_draws", "n_starts", "library_size"):
             check_integer(getattr(self, name), name)
         check_real(self.significance, "significance", low=_LEAST, high=1.0)
-        if self.report is not None and not callable(self.report):
-            raise InputError(
-                f"report is {self.report!r}", allowed="a function that takes a line of text, or None"
-            )
         if isinstance(self.events, Event):
             raise InputError("events is a single event", allowed="a list of events")
         for event in self.events or ():
@@ -274,7 +379,7 @@ class CauseFinder(BaseEstimator):
             raise InputError("the list of effects is empty", allowed="at least one effect, or max_effects=0")
         return tuple(chosen)
 
-    def _journal(self, observations: Sequence[Observation], library: Sequence[Effect]) -> Journal:
+    def _open_journal(self, observations: Sequence[Observation], library: Sequence[Effect]) -> Journal:
         """Finished parts of this very search."""
         if self.checkpoint is None:
             return Journal()
@@ -290,14 +395,10 @@ class CauseFinder(BaseEstimator):
         }
         return Journal(Checkpoint(self.checkpoint, fingerprint))
 
-    def _tell(self, line: str) -> None:
-        if self.report is not None:
-            self.report(line)
-
     def _calibrate(
         self, observations: Sequence[Observation], base: Hypothesis | None = None
     ) -> MAPCalibrator:
-        """Only parameters deviate: from many starts, because a local minimum looks exactly like a missing effect.
+        """Fit all parameters from many starts, because a local minimum looks exactly like a missing effect.
 
         Where a better fit has been found it starts from there alone.
         """
@@ -308,18 +409,14 @@ class CauseFinder(BaseEstimator):
             n_starts=self.n_starts if base is None else 1,
             starts=None if base is None else base.theta,
             library_size=max(self.library_size, self.n_starts),
+            level=self.level,
             random_state=self._seed,
         ).fit(list(observations))
 
-    def _baseline(self, observations: Sequence[Observation]) -> tuple[list[_Array], ResidualTest]:
-        """Responses at the nominal parameters, and the test of what they leave."""
-        responses = [self.simulator.baseline(o.event) for o in observations]
+    def _test(self, observations: Sequence[Observation], responses: Sequence[_Array]) -> ResidualTest:
+        """Test of the errors of given responses."""
         z = [o.deviations(y)[o.mask] for o, y in zip(observations, responses, strict=True)]
-        return responses, residual_test(observations, np.concatenate(z), random_state=self._seed)
-
-    @property
-    def _nothing_to_explain(self) -> bool:
-        return self._nominal[1].p_value > self.significance
+        return residual_test(observations, np.concatenate(z), random_state=self._seed)
 
     def _choose(self) -> None:
         """Verdict, groups and the extended simulator."""
@@ -336,81 +433,66 @@ class CauseFinder(BaseEstimator):
         self.extended_simulator_ = self._chosen.simulator.with_nominal(self._chosen.theta)
         self.verdict_ = self._verdict()
 
-    def measure_gain(self, held_out: Any) -> Gain:
-        """Gain of the extended simulator on recordings that were not fitted; an extension without gain is withdrawn.
-
-        The placebo is the best fitted wrong effect, with as many parameters if there is one. What belongs to the fitted
-        recordings alone is off: there, the gain is that of the parameters which were fitted beside it, and only a loss
-        speaks against it.
-
-        Parameters
-        ----------
-        held_out : Observation, or anything ``simulator.observe`` takes, or a list of them
-
-        Returns
-        -------
-        Gain
-            If its interval does not exclude zero, or the placebo gains more, the verdict becomes "unknown",
-            `extended_simulator_` the recalibrated one, and places are ranked. Where a placebo within the interval gains
-            no more, the verdict says so.
-
-        Raises
-        ------
-        InputError
-            If one of the recordings was fitted.
-        """
-        check_is_fitted(self, "extended_simulator_")
-        held_out = self._others(held_out)
-        extended, placebo = self.extended_simulator_, None
-        if self.placebo_ is not None:
-            placebo = self.placebo_.simulator.with_step_of(extended).with_nominal(self.placebo_.theta)
-        gain = measure_gain(
-            self.simulator.with_step_of(extended),
-            extended,
-            held_out,
-            recalibrated=self.recalibrated_simulator_,
-            placebo=placebo,
-            random_state=self._seed,
-        )
+    def _verdict(self) -> Verdict:
         first = self.causes_[0]
-        holds = gain.interval[1] >= 0 if first.event else gain.holds
-        if self.verdict_.kind not in ("effect", "measurement"):
-            return gain
-        if holds:
-            verdict = self._verdict()
-            self.verdict_ = replace(verdict, text=verdict.text + conclusions.placebo_text(gain))
-        else:
-            self.extended_simulator_ = self.recalibrated_simulator_
-            self.causes_, self._chosen = conclusions.withdrawn(self.causes_), self._base
-            self.verdict_ = Verdict("unknown", f"{conclusions.withdrawn_text(first, gain)} {self._located()}")
-        return gain
+        if self._nothing_to_explain or first.kind == "parameters":
+            return self._judged()
+        if first.kind == "unknown":
+            text = conclusions.unknown_text(
+                self.tried_, self.effects is None, self._base, self.hypotheses_[0]
+            )
+            if (
+                not self._base.at_rest
+            ):  # other parameters may fit better, so nobody can tell where the rest enters
+                return Verdict("unknown", text)
+            self.input_locations_, self.groups_, count = self._located()
+            self.n_simulations_ += count
+            return Verdict("unknown", f"{text} {self._location_text(self.input_locations_)}")
+        alone = (
+            ""
+            if first.event
+            else " No recording was held out, so the gain is not confirmed on another event."
+        )
+        return Verdict(first.kind, self._named_text() + alone)
 
-    def confirm(self, held_out: Any) -> Gain | None:
-        """Judge the verdict on recordings that were not fitted.
+    def _named_text(self) -> str:
+        return conclusions.named_text(self.causes_[0], self._chosen, self._base, self._alike)
 
-        Parameters
-        ----------
-        held_out : Observation, or anything ``simulator.observe`` takes, or a list of them
+    @property
+    def _alike(self) -> tuple[str, ...]:
+        """Explanations that the recordings cannot tell from the first one."""
+        return self.groups_[0].names[1:] if self.groups_ else ()
 
-        Returns
-        -------
-        Gain or None
-            Of what was named, see `measure_gain`; None where nothing was. The verdicts "parameters" and "within-noise"
-            become "unknown" if the calibrated parameters, or those as they were, do not reproduce these recordings.
+    def _judged(self, held_out: Sequence[Observation] = ()) -> Verdict:
+        """Verdict where no effect is needed."""
+        passes = self._nothing_to_explain, True
+        verdict = judge(self._base.observations, self._nominal, self.calibrator_, held_out, passes=passes)
+        if verdict.kind != "parameters":
+            return verdict
+        left = conclusions.conspicuous_text(self.residual_tests_[self._base.name], self.significance)
+        return replace(verdict, text=verdict.text + left + conclusions.alike_text(self._alike))
 
-        Raises
-        ------
-        InputError
-            If one of the recordings was fitted.
-        """
-        check_is_fitted(self, "extended_simulator_")
-        if self.verdict_.kind in ("effect", "measurement"):
-            return self.measure_gain(held_out)
-        if self.verdict_.kind in ("parameters", "within-noise"):
-            self.verdict_ = self._judged(self._others(held_out))
-            if self.verdict_.kind == "unknown":
-                self.groups_ = []  # none of these explanations holds
-        return None
+    def _confirmed_effects(self, others: Sequence[Observation]) -> dict[str, Any]:
+        """Changes of the diagnosis from the gain of the named effects on held-out recordings."""
+        first, gain = self.causes_[0], self.measure_gain(others)
+        # an effect of one recording alone gains nothing on others: only a loss speaks against it
+        if gain.interval[1] >= 0 if first.event else gain.holds:
+            text = self._named_text() + conclusions.placebo_text(gain)
+            return {"gain": gain, "confirmed": Verdict(self.verdict_.kind, text)}
+        locations, groups, count = self._located()
+        text = f"{conclusions.withdrawn_text(first, gain)} {self._location_text(locations)}"
+        return {
+            "gain": gain,
+            "confirmed": Verdict("unknown", text),
+            "causes": tuple(conclusions.withdrawn(self.causes_)),
+            "groups": tuple(groups),
+            "input_locations": tuple(one.thinned() for one in locations),
+            "extension": (),
+            "parameters": tuple(self._estimates(self._base, None)),
+            "step": _step(self.recalibrated_simulator_),
+            "extended": self.recalibrated_simulator_,
+            "n_simulations": self.diagnosis_.n_simulations + count,
+        }
 
     def _others(self, held_out: Any) -> list[Observation]:
         """Recordings as observations, if none of them was fitted."""
@@ -423,39 +505,84 @@ class CauseFinder(BaseEstimator):
                 )
         return others
 
-    def _verdict(self) -> Verdict:
-        first = self.causes_[0]
-        if self._nothing_to_explain or first.kind == "parameters":
-            return self._judged()
-        if first.kind == "unknown":
-            text = conclusions.unknown_text(
-                self.tried_, self.effects is None, self._base, self.hypotheses_[0]
-            )
-            # of parameters that may leave less nobody can tell where the rest enters
-            return Verdict("unknown", f"{text} {self._located()}" if self._base.at_rest else text)
-        return Verdict(first.kind, conclusions.named_text(first, self._chosen, self._base, self._alike))
-
-    @property
-    def _alike(self) -> tuple[str, ...]:
-        """Explanations that the recordings do not tell from the first one."""
-        return self.groups_[0].names[1:] if self.groups_ else ()
-
-    def _judged(self, held_out: Sequence[Observation] = ()) -> Verdict:
-        """Verdict where no effect is needed."""
-        passes = self._nothing_to_explain, True
-        verdict = judge(self._base.observations, self._nominal[0], self._calibrator, held_out, passes=passes)
-        if verdict.kind != "parameters":
-            return verdict
-        left = conclusions.conspicuous_text(self.residual_tests_[self._base.name], self.significance)
-        return replace(verdict, text=verdict.text + left + conclusions.alike_text(self._alike))
-
     @one_blas_thread
-    def _located(self) -> str:
-        """Where something unknown enters, in words; places are kept, and those that cannot be told apart."""
-        self._tell("places of an unknown signal")
-        self.input_locations_, count = rank_input_locations(self._base, self._kept)
-        self.n_simulations_ += count
-        alike = conclusions.alike_places(self.input_locations_)
-        states = differing([place.states for place in alike]) if len(alike) > 1 else ()
-        self.groups_ = [Group(tuple(place.name for place in alike), (), states)] if len(alike) > 1 else []
-        return conclusions.place_text(self.input_locations_, self.simulator)
+    def _located(self) -> tuple[list[InputLocation], list[Group], int]:
+        """Where an unknown input enters, locations that cannot be told apart, and the simulations that it took."""
+        _log.info("locations of an unknown input")
+        locations, count = rank_input_locations(self._base, self._journal)
+        alike = conclusions.alike_locations(locations)
+        if len(alike) < 2:
+            return locations, [], count
+        states = differing([one.states for one in alike])
+        return locations, [Group(tuple(one.name for one in alike), (), states)], count
+
+    def _location_text(self, locations: Sequence[InputLocation]) -> str:
+        return conclusions.location_text(locations, self.simulator)
+
+    def _diagnosis(self, observations: Sequence[Observation], seconds: float) -> Diagnosis:
+        """The verdict of the fit with all that it rests on."""
+        base, best = self._base, self._chosen
+        named = self.verdict_.kind in _NAMED
+        test, score = self.residual_tests_[base.name], self.scores_[base.name]
+        found = Diagnosis(
+            verdict=self.verdict_,
+            causes=tuple(self.causes_),
+            groups=tuple(self.groups_),
+            input_locations=tuple(one.thinned() for one in self.input_locations_),
+            cells=test.significant[:_CELLS],
+            tried=self.tried_,
+            hypotheses=tuple(
+                HypothesisFit(
+                    h.name,
+                    h.chi2_per_sample,
+                    self.residual_tests_[h.name].p_value,
+                    self.scores_[h.name] - score,
+                )
+                for h in self.hypotheses_
+            ),
+            extension=tuple(NamedEffect.of(effect) for effect in best.effects) if named else (),
+            parameters=tuple(
+                self._estimates(best, next((c for c in self.causes_ if c.name == best.name), None))
+            ),
+            calibration=Calibration.of(self.calibrator_, "map"),
+            models=(),
+            step=_step(self.extended_simulator_),
+            n_simulations=self.n_simulations_,
+            seconds=0.0,
+            calibrated=self.recalibrated_simulator_,
+            extended=self.extended_simulator_,
+        )
+        responses = {
+            NOMINAL: self._nominal,
+            PARAMETERS: simulated(self.recalibrated_simulator_, observations),
+        }
+        if found.extension:
+            responses[EXTENDED] = simulated(self.extended_simulator_, observations)
+        return _with_models(found, tuple(observations), responses, seconds)
+
+    def _estimates(self, hypothesis: Hypothesis, cause: Cause | None) -> Iterator[Estimate]:
+        """All parameters of a fitted model: those of the cause as profiled, all others by the linear model."""
+        width = half_width(hypothesis, exact=cause is not None and cause.exact)
+        half = dict(zip(hypothesis.names, width * np.sqrt(np.diag(hypothesis.covariance)), strict=True))
+        profiled = {p.name: p for p in cause.parameters} if cause is not None else {}
+        for p, value in zip(hypothesis.simulator.parameters, hypothesis.theta.tolist(), strict=True):
+            margin = float(half[p.name]) * float(p.scale or 1.0)
+            linear = Estimate.of(p, value, max(p.lower, value - margin), min(p.upper, value + margin))
+            yield profiled.get(p.name, linear)
+
+
+def _step(simulator: Simulator) -> float:
+    return float(getattr(simulator, "step", np.nan))
+
+
+def _with_models(
+    found: Diagnosis,
+    observations: tuple[Observation, ...],
+    responses: dict[str, tuple[_Array, ...]],
+    seconds: float,
+) -> Diagnosis:
+    """The same with the errors of its models."""
+    models = tuple(ModelFit.of(label, observations, every) for label, every in responses.items())
+    return replace(
+        found, models=models, observations=observations, responses=responses, seconds=found.seconds + seconds
+    )

@@ -13,7 +13,8 @@ event, and says nothing about noise, places or values: `CauseFinder` does.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from sklearn.base import BaseEstimator, clone
 from sklearn.utils.validation import check_is_fitted
 
 from errorscreen._runtime.sampling import generator
+from errorscreen._runtime.typed import Real
 from errorscreen.data.observations import Observation
 from errorscreen.discovery.starts.signatures import spread_over
 from errorscreen.events import Event
@@ -36,6 +38,23 @@ from errorscreen.simulators.observations import as_observations
 _LEAST = 0.05
 #: epochs of the default network: fewer than for parameters alone, because there are more samples
 _EPOCHS = 20
+
+
+@dataclass(frozen=True)
+class Contribution:
+    """Contribution of one parameter or effect to the error, as a network reads it off.
+
+    Parameters
+    ----------
+    name : str
+    kind : {"parameter", "effect"}
+    value : float
+        In the channels' unit times the root of a second.
+    """
+
+    name: str
+    kind: Literal["parameter", "effect"]
+    value: Real
 
 
 def effect_dataset(
@@ -238,6 +257,15 @@ class FirstLook(BaseEstimator):
         effects = set(self.dataset_.metadata["effects"])
         self.effects_ = tuple(name for name in self.ranking_ if name in effects)
         return self
+
+    @property
+    def ranked_(self) -> tuple[Contribution, ...]:
+        """All contributions, the largest first."""
+        found = dict(zip(self.names_, self.contributions_.tolist(), strict=True))
+        return tuple(
+            Contribution(name, "effect" if name in self.effects_ else "parameter", found[name])
+            for name in self.ranking_
+        )
 
     def contributions(self, recording: Any) -> NDArray[np.float64]:
         """Contributions (m + e,) to the error of a recording with the time axis of the one that was fitted to."""

@@ -1,14 +1,6 @@
 """Result of a study as JSON with a schema, and as a page for people."""
 
 from errorscreen.report.html_report import ReportFigure, write_report
-from errorscreen.report.result_schema import Result, diagnose_recording, fit_of, read_result, write_result
+from errorscreen.report.result import Result, read_result, write_result
 
-__all__ = [
-    "ReportFigure",
-    "Result",
-    "diagnose_recording",
-    "fit_of",
-    "read_result",
-    "write_report",
-    "write_result",
-]
+__all__ = ["ReportFigure", "Result", "read_result", "write_report", "write_result"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+import math
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -14,14 +15,14 @@ from typing import TYPE_CHECKING, Any
 from errorscreen._runtime.persistence import write_text_atomic
 from errorscreen.discovery.conclusions import probable
 from errorscreen.exceptions import InputError, unknown_name
-from errorscreen.report.result_schema import Result, Verdict
+from errorscreen.report.result import Result
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 #: Places in the report where figures can stand.
 SECTIONS = ("responses", "errors", "screening", "calibration", "discovery")
-#: What a verdict means, in one line.
+#: Meaning of a verdict, in one line.
 HEADLINES = {
     "within-noise": "The simulation agrees with the recording within its noise",
     "parameters": "Parameters of the model can explain the error",
@@ -29,7 +30,7 @@ HEADLINES = {
     "effect": "The model lacks an effect",
     "unknown": "The cause of the error is not known",
 }
-#: What a verdict means that names an error of the event's record, or something that happened in one recording.
+#: The same if the named effect belongs to one recording only.
 EVENT_HEADLINE = "What happened during the recording explains the error, not the model"
 _DASH = "–"
 
@@ -80,15 +81,14 @@ def render_report(result: Result, figures: Iterable[ReportFigure] = ()) -> str:
     placed: dict[str, list[dict[str, str]]] = {section: [] for section in SECTIONS}
     for item in figures:
         placed[item.section].append({"caption": item.caption, "source": data_uri(item.figure)})
-    return _template().render(r=result, figures=placed, headline=headline_of(result.verdict))
+    return _template().render(r=result, figures=placed, headline=headline_of(result))
 
 
-def headline_of(verdict: Verdict) -> str:
-    """What a verdict means, in one line."""
-    named = verdict.kind in ("effect", "measurement")
-    if named and verdict.causes and verdict.causes[0].event:
-        return EVENT_HEADLINE
-    return HEADLINES[verdict.kind]
+def headline_of(result: Result) -> str:
+    """Meaning of the verdict, in one line."""
+    found = result.diagnosis
+    kind = found.final.kind
+    return EVENT_HEADLINE if kind in ("effect", "measurement") and found.causes[0].event else HEADLINES[kind]
 
 
 def data_uri(figure: Figure) -> str:
@@ -102,24 +102,29 @@ def data_uri(figure: Figure) -> str:
     return "data:image/svg+xml;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
 
 
-def format_number(value: float | None, digits: int = 3) -> str:
-    """Number with so many significant digits, without exponent where that stays short; a dash for None.
+def format_number(value: float, digits: int = 3) -> str:
+    """Number with so many significant digits, without exponent where that stays short; a dash if it does not exist.
 
     Examples
     --------
     >>> format_number(1234.5), format_number(999.6), format_number(0.012345), format_number(2.5e-7)
     ('1230', '1000', '0.0123', '2.5e-07')
-    >>> format_number(None)
+    >>> format_number(float("nan"))
     '–'
     """
-    if value is None:
+    if not math.isfinite(value):
         return _DASH
     text = f"{value:.{digits}g}"
     rounded = float(text)
     return f"{rounded:.0f}" if 10**digits <= abs(rounded) < 1e6 else text
 
 
-def format_change(before: float | None, after: float | None) -> str:
+def format_percent(share: float, digits: int = 3) -> str:
+    """Share in percent; a dash if it does not exist."""
+    return f"{format_number(100 * share, digits)} %" if math.isfinite(share) else _DASH
+
+
+def format_change(before: float, after: float) -> str:
     """Change from `before` to `after` in percent, with its sign.
 
     Examples
@@ -127,7 +132,7 @@ def format_change(before: float | None, after: float | None) -> str:
     >>> format_change(0.2, 0.05), format_change(0.1, 0.1), format_change(0.0, 0.1)
     ('−75 %', '±0 %', '–')
     """
-    if not before or after is None:
+    if not before or not math.isfinite(before) or not math.isfinite(after):
         return _DASH
     percent = round(100 * (after / before - 1))
     sign = "−" if percent < 0 else "+" if percent > 0 else "±"
@@ -147,4 +152,8 @@ def _template() -> Any:
     environment.filters["num"] = format_number
     environment.filters["probable"] = probable
     environment.globals["change"] = format_change
+    environment.globals["nan"] = math.nan
+    environment.filters["percent"] = format_percent
+    environment.filters["zip"] = zip
+    environment.tests["known"] = math.isfinite
     return environment.from_string(files("errorscreen.report").joinpath("report.html.j2").read_text("utf-8"))

@@ -8,8 +8,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from errorscreen.calibration.result import Calibration
 from errorscreen.data.observations import Observation
-from errorscreen.discovery import Cell, residual_test
+from errorscreen.discovery import Cell, NamedEffect, residual_test
+from errorscreen.discovery.diagnosis import EXTENDED, NOMINAL, PARAMETERS
 from errorscreen.discovery.judge.errors import stage_limits, stage_names
 from errorscreen.exceptions import InputError
 from errorscreen.features import CWTTransformer
@@ -22,50 +24,47 @@ from errorscreen.plotting import (
 )
 from errorscreen.plotting.charts import Outlined
 from errorscreen.report import ReportFigure
-from errorscreen.report.parts import Role
-from errorscreen.workflow.study import Calibrated, Discovered, Outcome
+from errorscreen.report.result import Role
+from errorscreen.workflow.outcome import Outcome
 
 #: rows and columns of the error images in the report
 _IMAGE = (64, 256)
-#: what a recording is to the calibration, and to the search for causes
-_CALIBRATED: dict[Role, str] = {
-    "fit": "fitted",
-    "together": "not used for calibration",
-    "held_out": "not used for fitting",
-}
-_SEARCHED: dict[Role, str] = {"fit": "fitted", "together": "fitted", "held_out": "not used for fitting"}
+#: use of a recording in captions
+_ROLES: dict[Role, str] = {"fit": "fitted", "together": "fitted", "held_out": "not fitted"}
 
 
 def figures(outcome: Outcome) -> Iterator[ReportFigure]:
-    """Figures of the report, in the order in which they stand there."""
-    best = outcome.best
-    for n, (observation, role) in enumerate(zip(outcome.observations, outcome.study.roles, strict=True)):
-        responses = {"before": outcome.before[n], f"after ({best.label})": best.responses[n]}
+    """Figures of the report, in their order."""
+    result, study = outcome.result, outcome.study
+    best = result.calibration[0].label
+    for n, (observation, role) in enumerate(zip(study.observations, study.roles, strict=True)):
+        responses = {"before": outcome.responses[NOMINAL][n], f"after ({best})": outcome.responses[best][n]}
         yield ReportFigure(
             "responses",
-            f"{observation.event.name} ({_CALIBRATED[role]}): measured against simulated before and after calibration.",
+            f"{observation.event.name} ({_ROLES[role]}): measured against simulated before and after calibration.",
             plot_responses(observation, responses),
         )
-    yield _error_image(outcome)
-    rankings = {s.method: outcome.named(s.contributions) for s in outcome.screened}
-    if outcome.true_contributions is not None:
-        rankings["truth"] = outcome.named(outcome.true_contributions)
-    yield ReportFigure(
-        "screening",
-        "Contribution of each parameter to the error by each screener, relative to its largest; selected ones dark.",
-        plot_rankings(rankings, selected={s.method: s.names for s in outcome.screened}),
-    )
-    for calibrated in outcome.calibrated:
-        if "intervals" in calibrated.arrays:
-            yield _interval_figure(calibrated, outcome)
-    if outcome.discovered is not None:
-        yield from _discovery_figures(outcome, outcome.discovered)
+    yield _error_image(outcome, best)
+    if result.screening:
+        rankings = {s.method: s.contributions for s in result.screening}
+        if result.contributions is not None:
+            rankings["truth"] = result.contributions
+        yield ReportFigure(
+            "screening",
+            "Contribution of each parameter to the error by each screener, relative to its largest; selected ones "
+            "dark.",
+            plot_rankings(rankings, selected={s.method: s.selected for s in result.screening}),
+        )
+    for calibration in result.calibration:
+        if np.isfinite(calibration.level):
+            yield _interval_figure(calibration)
+    yield from _diagnosis_figures(outcome)
 
 
-def _error_image(outcome: Outcome) -> ReportFigure:
-    """Wavelet energy of the error before and after, on the fitted recording."""
+def _error_image(outcome: Outcome, best: str) -> ReportFigure:
+    """Wavelet energy of the error before and after, of the first recording."""
     observation = outcome.study.observation
-    responses = {"before": outcome.before[0], f"after ({outcome.best.label})": outcome.best.responses[0]}
+    responses = {"before": outcome.responses[NOMINAL][0], f"after ({best})": outcome.responses[best][0]}
     errors = {k: np.where(observation.mask, observation.values - y, 0.0) for k, y in responses.items()}
     cwt = CWTTransformer(
         sampling_period=observation.event.dt,
@@ -78,8 +77,8 @@ def _error_image(outcome: Outcome) -> ReportFigure:
     cells = {k: _cells(observation, y, outcome.study.run.random_state) for k, y in responses.items()}
     return ReportFigure(
         "errors",
-        f"{observation.event.name}: energy of the error over time and frequency. The dashed line marks the event, the "
-        f"pale parts what the ends of the record distort.{_outlines_told(cells)}",
+        f"{observation.event.name}: energy of the error over time and frequency. The dashed line marks the event; pale "
+        f"parts are distorted by the ends of the record.{_outlines_told(cells)}",
         plot_error_images(
             dict(zip(errors, images, strict=True)),
             cwt.frequencies_,
@@ -124,42 +123,51 @@ def _outlines_told(cells: Mapping[str, Sequence[Cell]]) -> str:
     )
 
 
-def _discovery_figures(outcome: Outcome, found: Discovered) -> Iterator[ReportFigure]:
-    """Responses of the extended model, or the unknown signal at the likeliest place."""
-    if found.label:
-        for n, (observation, role) in enumerate(zip(outcome.observations, outcome.study.roles, strict=True)):
-            responses = {"parameters only": found.alone[n], found.labels[n]: found.responses[n]}
+def _diagnosis_figures(outcome: Outcome) -> Iterator[ReportFigure]:
+    """Responses of the extended model, or the unknown input at the likeliest port."""
+    found, study = outcome.result.diagnosis, outcome.study
+    if found.extension:
+        for n, (observation, role) in enumerate(zip(study.observations, study.roles, strict=True)):
+            label = _extended(found.extension, observation.event.name)
+            responses = {PARAMETERS: found.responses[PARAMETERS][n], label: found.responses[EXTENDED][n]}
             yield ReportFigure(
                 "discovery",
-                f"{observation.event.name} ({_SEARCHED[role]}): what the search fitted with parameters only, and "
-                f"{found.labels[n]}.",
+                f"{observation.event.name} ({_ROLES[role]}): measured against the model with parameters only, and "
+                f"{label}.",
                 plot_responses(observation, responses),
             )
-    elif found.waveforms:
-        place, (time, signal) = found.meta["places"][0], found.waveforms[0]
-        first = outcome.study.observation.event
+    elif found.input_locations:
+        first, event = found.input_locations[0], study.observation.event
         yield ReportFigure(
             "discovery",
-            f"Signal that would have to enter at {place['place']} of the {place['device']} to explain {first.name}, "
-            f"in {place['unit'] or 'the unit of that port'}.",
-            plot_waveform(time, signal, place["place"], event_time=first.start),
+            f"Input that would have to enter at {first.place} of the {first.device} to explain {event.name}, in "
+            f"{first.unit or 'the unit of that port'}.",
+            plot_waveform(first.time, first.waveform, first.place, event_time=event.start),
         )
 
 
-def _interval_figure(calibrated: Calibrated, outcome: Outcome) -> ReportFigure:
-    space = outcome.study.simulator.parameters.subset(calibrated.names)
-    values = [calibrated.theta[outcome.study.simulator.parameters.index(n)] for n in calibrated.names]
-    level = 100 * outcome.study.calibration.level
+def _extended(effects: Sequence[NamedEffect], recording: str) -> str:
+    """The extended model in one recording, for a legend: an effect of another recording alone is off."""
+    acting = [e.original for e in effects if e.recording in ("", recording)]
+    if acting:
+        return f"extended ({' + '.join(acting)})"
+    names = dict.fromkeys(e.original for e in effects)
+    return f"parameters fitted beside {' + '.join(names)}, which is off here"
+
+
+def _interval_figure(calibration: Calibration) -> ReportFigure:
+    fitted = calibration.parameters
     return ReportFigure(
         "calibration",
-        f"{calibrated.label}: values with {level:.0f} % intervals, as deviation from nominal, within their bounds.",
+        f"{calibration.label}: values with {100 * calibration.level:.0f} % intervals, as deviation from nominal, "
+        "within their bounds.",
         plot_intervals(
-            space.names,
-            space.nominal,
-            space.bounds,
-            values,
-            calibrated.arrays["intervals"],
-            identifiable=calibrated.arrays["identifiable"],
-            scales=space.scales,
+            calibration.names,
+            [p.nominal for p in fitted],
+            [(p.lower, p.upper) for p in fitted],
+            [p.value for p in fitted],
+            [(p.low, p.high) for p in fitted],
+            identifiable=[bool(p.identifiable) for p in fitted],
+            scales=[p.scale for p in fitted],
         ),
     )

@@ -1,46 +1,62 @@
-"""The stages of the main job: screen, calibrate, find causes, judge."""
+"""The stages of a study: diagnose, screen, calibrate; and the result that follows."""
 
 from __future__ import annotations
 
+import json
+import logging
+import platform
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager
+from dataclasses import replace
 from datetime import UTC, datetime
+from functools import partial
+from importlib.metadata import PackageNotFoundError, version
+from itertools import zip_longest
 from pathlib import Path
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+import errorscreen
 from errorscreen._runtime.processes import in_subprocess
+from errorscreen._runtime.typed import from_json, to_json
 from errorscreen.calibration import CALIBRATORS
+from errorscreen.calibration.result import Calibration
 from errorscreen.data.observations import Observation
-from errorscreen.discovery import Verdict, channel_fits, stage_errors
+from errorscreen.discovery import CauseFinder, Contribution, Diagnosis, FirstLook, ModelFit
+from errorscreen.discovery.diagnosis import NOMINAL, simulated
 from errorscreen.events import Playback
 from errorscreen.exceptions import InputError, SimulationError
-from errorscreen.learning.regressors import require_network
+from errorscreen.learning.generation import local_sensitivity
+from errorscreen.learning.regressors import import_network, require_network
+from errorscreen.metrics import top_k_overlap
+from errorscreen.report import Result
+from errorscreen.report.result import ChannelInfo, RecordingInfo, Role, Run, Screening, StudyInfo
 from errorscreen.screening import SCREENERS
 from errorscreen.simulators.base import REMEDIES, Simulator, Status
+from errorscreen.workflow.advice import advice, doubts
 from errorscreen.workflow.calibrate import calibrate, calibrate_map
-from errorscreen.workflow.discover import discover_causes
-from errorscreen.workflow.screen import Screened, screen
+from errorscreen.workflow.outcome import Outcome
+from errorscreen.workflow.screen import screen
 from errorscreen.workflow.search_step import search_simulator
 from errorscreen.workflow.stages import StageStore
-from errorscreen.workflow.study import Calibrated, Discovered, Outcome, Study
+from errorscreen.workflow.study import Study
+
+#: libraries whose versions decide the result
+_PACKAGES = ("numpy", "scipy", "scikit-learn", "numba", "PyWavelets", "torch")
+_Responses = tuple[NDArray[np.float64], ...]
+_T = TypeVar("_T")
+_log = logging.getLogger(__name__)
 
 
-def run_study(
-    study: Study,
-    out: str | Path,
-    *,
-    progress: bool = False,
-    report: Callable[[str], None] = lambda line: None,
-) -> Outcome:
-    """Screen, calibrate and judge; finished stages are kept in ``out/stages`` and used again.
+def run_study(study: Study, out: str | Path, *, progress: bool = False) -> Outcome:
+    """Diagnose, screen and calibrate; finished stages are kept in ``out/stages`` and used again.
 
-    Where a network is to be trained and causes are searched, screening and calibration run beside the search, in a
-    process of their own and without bars.
+    Where a network is to be trained, screening and the swarm run in a process of their own, without bars, while this
+    one searches the cause.
 
     Parameters
     ----------
@@ -49,12 +65,6 @@ def run_study(
         Folder; made where it is missing.
     progress : bool
         Show progress bars.
-    report : callable
-        Takes lines of text while it runs.
-
-    Returns
-    -------
-    Outcome
 
     Raises
     ------
@@ -65,186 +75,238 @@ def run_study(
         If the network is asked for and torch is not installed.
     """
     start, started = perf_counter(), datetime.now(UTC).isoformat(timespec="seconds")
-    store = StageStore(Path(out) / "stages", report)
-    before = tuple(_nominal(study.simulator, o) for o in study.observations)
-    with _fitting(study, store, progress, report) as (check, fit):
-        discovered = None
-        if study.discovery.enabled:
-
-            def tell(line: str) -> None:
-                check()  # the rest of a long search would be for nothing
-                report(line)
-
-            report("discovery: what parameters cannot explain")
-            discovered = _discovered(study, store, tell)
-        fitted = fit()
-    verdict = fitted.verdict if discovered is None else Verdict(**discovered.meta["verdict"])
-    return Outcome(
-        study,
-        before,
-        _each(channel_fits, study, before),
-        _each(stage_errors, study, before),
-        fitted.screened,
-        fitted.calibrated,
-        discovered,
-        verdict,
-        perf_counter() - start,
-        started,
-        [*fitted.reused, *store.reused],
+    store = StageStore(Path(out) / "stages")
+    nominal = tuple(_nominal(study.simulator, o) for o in study.observations)
+    with _selecting(study, store, progress) as (check, select):
+        with _checked(check):
+            looked = _first_look(study, store)
+            diagnosis = _diagnosed(study, store)
+        selected = select()
+    calibrations = [
+        calibrate_map(study.simulator, study.searched, diagnosis.calibration, study.calibration, study.run)
+        for method in study.calibration.methods
+        if method == "map"
+    ]
+    order: list[str] = list(study.calibration.methods)
+    calibrations = sorted([*calibrations, *selected.calibrated], key=lambda c: order.index(c.method))
+    responses = {NOMINAL: nominal, **{c.label: _simulated(study, c) for c in calibrations}}
+    contributions = _true_contributions(study)
+    counts = [(one.n_simulations, one.n_failed) for one in selected.screened]
+    counts += [(one.n_simulations, one.n_failed) for one in selected.calibrated]
+    run = Run(
+        errorscreen.__version__,
+        platform.python_version(),
+        _versions(),
+        study.run.random_state,
+        study.run.n_jobs,
+        float(getattr(study.simulator, "step", np.nan)),
+        n_simulations=diagnosis.n_simulations + sum(used for used, _ in counts),
+        n_failed=diagnosis.calibration.n_failed + sum(failed for _, failed in counts),
+        seconds=perf_counter() - start,
+        started=started,
+        reused=tuple(dict.fromkeys((*selected.reused, *store.reused))),
     )
+    device = getattr(study.simulator, "device", None)
+    hints = doubts(study.observations)
+    result = Result(
+        StudyInfo(
+            study.title,
+            device.name if device else type(study.simulator).__name__,
+            device.title if device else repr(study.simulator),
+            study.base_mva,
+            study.f_nominal,
+            len(study.simulator.parameters),
+        ),
+        tuple(_recording(*one) for one in zip_longest(study.observations, study.roles, study.paths)),
+        diagnosis,
+        tuple(_overlapping(one, contributions) for one in selected.screened),
+        contributions,
+        tuple(_with_truth(one, study) for one in calibrations),
+        tuple(ModelFit.of(label, study.observations, every) for label, every in responses.items()),
+        looked,
+        tuple(hints),
+        tuple(advice(diagnosis, study, hints)),
+        run,
+    )
+    return Outcome(study, result, responses)
 
 
-class _Fitted(NamedTuple):
-    """What screening and calibration found, and which stages of it were there from an earlier run."""
+class _Selected(NamedTuple):
+    """Results of screening and of the calibration of selections, and which stages were taken over."""
 
-    screened: list[Screened]
-    calibrated: list[Calibrated]
-    verdict: Verdict
+    screened: list[Screening]
+    calibrated: list[Calibration]
     reused: list[str]
 
 
 @contextmanager
-def _fitting(
-    study: Study, store: StageStore, progress: bool, report: Callable[[str], None]
-) -> Iterator[tuple[Callable[[], None], Callable[[], _Fitted]]]:
-    """Screen and calibrate, beside the search for causes where a network is to be trained and causes are searched.
+def _selecting(
+    study: Study, store: StageStore, progress: bool
+) -> Iterator[tuple[Callable[[], None], Callable[[], _Selected]]]:
+    """Screen and calibrate selections, in a process of its own where a network is to be trained.
 
-    The search takes longer, needs nothing of it, and leaves cores idle while it is in the interpreter. Yields what
-    raises errors that have come up by then, and what waits for the result.
+    The search takes longer, needs nothing of it, and leaves cores idle. Yields a function that raises errors of that
+    process, and one that waits for the result.
     """
 
-    def here() -> _Fitted:
-        return _fitted(study, StageStore(store.root, report), progress, report)
+    def here() -> _Selected:
+        return _selected(study, StageStore(store.root), progress)
 
     key, methods = study.fingerprint("screening"), study.screening.methods
-    training = any(SCREENERS[name].trains and not store.has(f"screening-{name}", key) for name in methods)
-    if not training or not study.discovery.enabled:
-        fitted = here()
-        yield lambda: None, lambda: fitted
+    if not any(SCREENERS[name].trains and not store.has(f"screening-{name}", key) for name in methods):
+        found = here()
+        yield lambda: None, lambda: found
         return
     require_network()
-    report(f"screening by {', '.join(study.screening.methods)} and calibration, beside what follows")
-    with in_subprocess(_fitted, study, StageStore(store.root), False, lambda line: None) as call:
+    _log.info("screening by %s and calibration, beside the search", ", ".join(study.screening.methods))
+    with in_subprocess(_selected, study, StageStore(store.root), False) as call:
 
-        def rest() -> _Fitted:
+        def wait() -> _Selected:
             if not call.done:
-                report("screening and calibration: what is left of them")
+                _log.info("waiting for screening and calibration")
             try:
                 return call.result()
             except BrokenExecutor:
                 return here()
 
-        yield call.check, rest
+        yield call.check, wait
 
 
-def _fitted(study: Study, store: StageStore, progress: bool, report: Callable[[str], None]) -> _Fitted:
-    """The published method: rank the parameters, and calibrate what is selected; beside it, all of them together."""
-    screened = [_screened(method, study, store, progress, report) for method in study.screening.methods]
-    calibrated, verdict = _calibrated_by_all(study, screened, store, progress, report)
-    return _Fitted(screened, calibrated, verdict, store.reused)
+@contextmanager
+def _checked(check: Callable[[], None]) -> Iterator[None]:
+    """Call `check` at each line of the log, so that a long search ends as soon as its result is in vain."""
+    logger, handler = logging.getLogger(errorscreen.__name__), _Checking(check)
+    level = logger.level
+    logger.addHandler(handler)
+    logger.setLevel(min(logging.INFO, logger.getEffectiveLevel()))
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
+        logger.setLevel(level)
 
 
-def _screened(
-    method: str, study: Study, store: StageStore, progress: bool, report: Callable[[str], None]
-) -> Screened:
-    """Rank the parameters by one method, or take over what was found before."""
-    report(f"screening: {method}")
-    key = study.fingerprint("screening")
-    arrays, meta = store.get(
-        f"screening-{method}",
-        key,
-        lambda: screen(
-            method,
-            study.simulator,
-            study.observation,
-            study.screening,
-            study.run,
-            store.folder(key),
-            progress,
-        ),
-    )
-    counts = (meta[name] for name in ("seconds", "n_simulations", "n_failed", "threads"))
-    return Screened(method, arrays["contributions"], tuple(meta["names"]), *counts)
+class _Checking(logging.Handler):
+    """Handler that calls a function and lets its errors pass."""
+
+    def __init__(self, check: Callable[[], None]) -> None:
+        super().__init__(logging.INFO)
+        self._check = check
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._check()
 
 
-def _calibrated_by_all(
-    study: Study,
-    screened: list[Screened],
-    store: StageStore,
-    progress: bool,
-    report: Callable[[str], None],
-) -> tuple[list[Calibrated], Verdict]:
-    """Calibrate by each method, or take over what was found before; and what follows for the cause of the error."""
-    report("calibration: map on all parameters")
-    settings = (study.calibration, study.run, progress)
-    arrays, meta = store.get(
-        "calibration-map",
-        study.fingerprint("calibration", study.held_out),
-        lambda: calibrate_map(study.simulator, study.observation, study.held_out, *settings),
-    )
-    verdict = Verdict(**meta["verdict"])
-    calibrated = []
+def _selected(study: Study, store: StageStore, progress: bool) -> _Selected:
+    """The published method: rank the parameters, and calibrate each selection."""
+    screened = [_screened(method, study, store, progress) for method in study.screening.methods]
+    calibrated, settings = [], (study.calibration, study.run, progress)
     for method in study.calibration.methods:
         if method == "map":
-            calibrated.append(_calibrated("map", "all", arrays, meta, study))
-            continue
+            continue  # the diagnosis holds this fit
         selections: list[tuple[str, tuple[str, ...] | None]] = [("all", None)]
         if CALIBRATORS[method].selects:
-            selections = [(one.method, one.names) for one in screened]
+            selections = [(one.method, one.selected) for one in screened]
         for selection, names in selections:
             of = "all parameters" if names is None else f"the selection of {selection}: {', '.join(names)}"
-            report(f"calibration: {method} on {of}")
-            found = store.get(
-                f"calibration-{method}-{selection}",
-                study.fingerprint("calibration", names),
-                lambda method=method, names=names: calibrate(  # type: ignore[misc]
-                    method, study.simulator, study.observation, names, *settings
-                ),
+            _log.info("calibration: %s on %s", method, of)
+            fit = partial(calibrate, method, study.simulator, study.observation, names, selection, *settings)
+            key = study.fingerprint("calibration", names)
+            calibrated.append(_kept(store, f"calibration-{method}-{selection}", key, Calibration, fit))
+    return _Selected(screened, calibrated, store.reused)
+
+
+def _screened(method: str, study: Study, store: StageStore, progress: bool) -> Screening:
+    """Rank the parameters by one method, or take over an earlier ranking."""
+    _log.info("screening: %s", method)
+    key = study.fingerprint("screening")
+    settings = (study.screening, study.run, store.folder(key), progress)
+    return _kept(
+        store,
+        f"screening-{method}",
+        key,
+        Screening,
+        lambda: screen(method, study.simulator, study.observation, *settings),
+    )
+
+
+def _first_look(study: Study, store: StageStore) -> tuple[Contribution, ...]:
+    """Contributions that a network reads off the error, the largest first."""
+    section = study.discovery
+    if not (section.first_look and section.enabled):
+        return ()
+    import_network()  # a missing extra must be told before the simulations
+    _log.info("first look: network trained on %d samples", section.first_look)
+
+    def look() -> tuple[Contribution, ...]:
+        return (
+            FirstLook(
+                search_simulator(study.simulator, section, study.observations),
+                section.effects,
+                n_samples=section.first_look,
+                random_state=study.run.random_state,
+                n_jobs=study.run.n_jobs,
             )
-            calibrated.append(_calibrated(method, selection, *found, study))
-    return calibrated, verdict
+            .fit(study.observation)
+            .ranked_
+        )
+
+    return _kept(store, "first-look", study.fingerprint("diagnosis"), tuple[Contribution, ...], look)
 
 
-def _discovered(study: Study, store: StageStore, report: Callable[[str], None]) -> Discovered:
-    """Search the causes, or take over what was found before."""
-    # the search itself goes on where it stopped, also with other recordings to judge on
-    search = store.folder(study.fingerprint("discovery", study.together)) / "search"
-    arrays, meta = store.get(
-        "discovery",
-        study.fingerprint("discovery", study.together, study.held_out),
-        lambda: discover_causes(
-            search_simulator(study.simulator, study.discovery, study.observations),
-            study.searched,
-            study.held_out,
-            study.discovery,
-            study.run,
-            report,
-            search,
-        ),
+def _diagnosed(study: Study, store: StageStore) -> Diagnosis:
+    """Find the cause, or take over an earlier diagnosis; the search itself goes on where it stopped."""
+    _log.info("diagnosis: fit of all parameters, and what they cannot explain")
+    section, base = study.discovery, study.calibration
+    # other held-out recordings leave the search valid
+    search = store.folder(study.fingerprint("diagnosis", study.together)) / "search"
+    finder = CauseFinder(
+        search_simulator(study.simulator, section, study.observations),
+        section.effects,
+        max_effects=section.max_effects if section.enabled else 0,
+        n_fits=section.fits,
+        n_draws=section.draws,
+        significance=section.significance,
+        n_starts=base.starts,
+        library_size=base.library,
+        level=base.level,
+        events=[o.event for o in study.held_out],
+        random_state=study.run.random_state,
+        checkpoint=search,
     )
-    numbers = range(len(study.observations))
-    alone, responses = (tuple(arrays[f"{kind}-{n}"] for n in numbers) for kind in ("parameters", "response"))
-    return Discovered(
-        meta["label"],
-        tuple(meta["labels"]),
-        alone,
-        responses,
-        _each(channel_fits, study, alone),
-        _each(channel_fits, study, responses),
-        tuple(arrays[f"waveform-{n}"] for n in range(len(meta["places"]))),
-        meta,
-    )
+
+    def compute() -> tuple[dict[str, Any], dict[str, Any]]:
+        found = finder.fit(list(study.searched)).diagnosis_
+        if study.held_out:
+            found = finder.confirm(study.held_out)
+        arrays = {f"{label}-{n}": y for label, every in found.responses.items() for n, y in enumerate(every)}
+        return arrays, json.loads(to_json(found))
+
+    key = study.fingerprint("diagnosis", study.together, study.held_out)
+    arrays, values = store.get("diagnosis", key, compute)
+    found = from_json(Diagnosis, json.dumps(values))
+    responses = {
+        model.label: tuple(arrays[f"{model.label}-{n}"] for n in range(len(study.observations)))
+        for model in found.models
+    }
+    return replace(found, observations=study.observations, responses=responses)
+
+
+def _kept(store: StageStore, name: str, key: str, kind: type[_T], compute: Callable[[], _T]) -> _T:
+    """A result object from the store, computed if it is not there."""
+    _, values = store.get(name, key, lambda: ({}, json.loads(to_json(compute()))))
+    return from_json(kind, json.dumps(values))
 
 
 def _nominal(simulator: Simulator, observation: Observation) -> NDArray[np.float64]:
-    """Response at the nominal parameters; if there is none, the recorded operating point is to be looked at first."""
+    """Response at the nominal parameters; if there is none, the recorded operating point is the first suspect."""
     event = observation.event
     responses = simulator.simulate(simulator.parameters.nominal, event)
     if responses.ok.all() or not isinstance(event, Playback):
         return responses.require_ok("the simulation at the nominal parameters").values[0]
     point = ", ".join(f"{name} = {value:.4g}" for name, value in event.initial.items())
     raise InputError(
-        f"the nominal model cannot be simulated from what was recorded before the event, {point} pu: "
+        f"the nominal model cannot be simulated from the values recorded before the event, {point} pu: "
         f"{REMEDIES[Status(responses.status[0])]}",
         where=f"recording {event.name!r}",
         allowed="V near 1 pu, P and Q within the limits of the device on its own base",
@@ -252,31 +314,69 @@ def _nominal(simulator: Simulator, observation: Observation) -> NDArray[np.float
     )
 
 
-def _each(
-    describe: Callable[..., Any], study: Study, responses: tuple[NDArray[np.float64], ...]
-) -> tuple[Any, ...]:
-    """What `describe` says about each recording and its response."""
-    return tuple(describe(o, y) for o, y in zip(study.observations, responses, strict=True))
-
-
-def _calibrated(
-    method: str, selection: str, arrays: dict[str, Any], meta: dict[str, Any], study: Study
-) -> Calibrated:
-    """Simulate every recording with the values found."""
-    responses = []
-    for observation in study.observations:
-        batch = study.simulator.simulate(arrays["theta"], observation.event)
-        if not batch.ok.all() and observation is study.observation:
-            raise SimulationError(f"the calibrated model cannot be simulated: {batch.failures()}")
-        responses.append(batch.values[0])
-    return Calibrated(
-        method,
-        selection,
-        tuple(meta["names"]),
-        arrays["theta"],
-        tuple(responses),
-        _each(channel_fits, study, tuple(responses)),
-        _each(stage_errors, study, tuple(responses)),
-        arrays,
-        meta,
+def _simulated(study: Study, calibration: Calibration) -> _Responses:
+    """Responses of a calibrated model to every recording."""
+    responses = simulated(
+        study.simulator.with_nominal(calibration.theta(study.simulator.parameters)), study.observations
     )
+    if np.isnan(responses[0]).any():
+        raise SimulationError(f"the model calibrated by {calibration.label} cannot be simulated")
+    return responses
+
+
+def _true_contributions(study: Study) -> dict[str, float] | None:
+    """Contributions (14) at the true parameters, where those are known."""
+    if study.truth is None:
+        return None
+    simulator = study.simulator
+    theta = np.array([study.truth[name] for name in simulator.parameters.names])
+    sensitivity = local_sensitivity(simulator, theta, study.observation.event).values[0]
+    values = simulator.parameters.deviation(theta)[0] * sensitivity
+    return dict(zip(simulator.parameters.names, values.tolist(), strict=True))
+
+
+def _overlapping(screening: Screening, truth: dict[str, float] | None) -> Screening:
+    """The same with the share of the selection that belongs to the largest true contributions."""
+    if truth is None:
+        return screening
+    values = np.array([screening.contributions[name] for name in truth])
+    overlap = top_k_overlap(np.array([list(truth.values())]), values[None], k=len(screening.selected))
+    return replace(screening, overlap=float(overlap))
+
+
+def _with_truth(calibration: Calibration, study: Study) -> Calibration:
+    """The same with true values, where those are known."""
+    if study.truth is None:
+        return calibration
+    return replace(
+        calibration, parameters=tuple(replace(p, truth=study.truth[p.name]) for p in calibration.parameters)
+    )
+
+
+def _recording(observation: Observation, role: Role, path: str | None) -> RecordingInfo:
+    channels = zip(observation.channels, observation.units, observation.noise, observation.mask, strict=True)
+    return RecordingInfo(
+        observation.event.name,
+        role,
+        path,
+        float(observation.time[0]),
+        float(observation.time[-1]),
+        observation.event.dt,
+        observation.event.start,
+        tuple(
+            ChannelInfo(name, unit, float(noise), float(1 - mask.mean()))
+            for name, unit, noise, mask in channels
+        ),
+        tuple(map(str, observation.assumptions)),
+    )
+
+
+def _versions() -> dict[str, str]:
+    """Versions of the libraries that decide the result, of those that are installed."""
+    found = {}
+    for name in _PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found

@@ -1,13 +1,10 @@
-"""The main job: screen, calibrate, judge, for one recording and others to judge on."""
+"""A study: one model, its recordings, and the sections of the case file."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
-
-import numpy as np
-from numpy.typing import NDArray
 
 from errorscreen._runtime.checkpoint import digest, program
 from errorscreen._runtime.registry import other_packages
@@ -16,34 +13,30 @@ from errorscreen.cases.case_models import CalibrationSection, DiscoverySection, 
 from errorscreen.data.observations import Observation
 from errorscreen.data.recordings import Recording
 from errorscreen.data.resampling import check_steps
-from errorscreen.discovery import ChannelFit, StageError, Verdict
 from errorscreen.exceptions import InputError
-from errorscreen.learning.generation import local_sensitivity
-from errorscreen.report.parts import Role
+from errorscreen.report.result import Role
 from errorscreen.simulators import PlantSimulator
 from errorscreen.simulators.base import Simulator
-from errorscreen.workflow.advice import doubts
 from errorscreen.workflow.grid_recordings import observed_grid
-from errorscreen.workflow.screen import Screened
 from errorscreen.workflow.search_step import search_simulator
 
-Stage = Literal["screening", "calibration", "discovery"]
+Stage = Literal["screening", "calibration", "diagnosis"]
 
 
 @dataclass(frozen=True)
 class Study:
-    """What to compare with what, and how.
+    """One model, its recordings, and how they are compared.
 
     Parameters
     ----------
     title : str
     simulator : Simulator
     observation : Observation
-        The recording that is fitted.
+        The first recording, which is fitted and screened.
     held_out : tuple of Observation
         Recordings that are only judged on.
     base_mva, f_nominal : float
-        What 1 pu of P and Q is, and the nominal frequency in Hz.
+        1 pu of P and Q in MVA, and the nominal frequency in Hz.
     screening, calibration, discovery, run
         Sections of a case file.
     truth : mapping of str to float, optional
@@ -51,8 +44,7 @@ class Study:
     paths : tuple of str
         Files of the recordings in the order of `observations`; empty where there are none.
     together : tuple of Observation
-        Recordings that the search for causes fits together with `observation`; screening and calibration do not use
-        them.
+        Recordings that are fitted together with `observation`; screening and the swarm do not use them.
     """
 
     title: str
@@ -71,17 +63,17 @@ class Study:
 
     @property
     def searched(self) -> tuple[Observation, ...]:
-        """What the search for causes fits: the fitted recording and those together with it."""
+        """Fitted recordings: the first one and those together with it."""
         return (self.observation, *self.together)
 
     @property
     def observations(self) -> tuple[Observation, ...]:
-        """All recordings: what is fitted, what is fitted together with it, what is held out."""
+        """All recordings: fitted ones, then held-out ones."""
         return (*self.searched, *self.held_out)
 
     @property
     def roles(self) -> tuple[Role, ...]:
-        """What each of `observations` is for."""
+        """Use of each of `observations`."""
         further: list[Role] = ["together" for _ in self.together]
         further += ["held_out" for _ in self.held_out]
         return ("fit", *further)
@@ -173,17 +165,21 @@ class Study:
         return study
 
     def fingerprint(self, stage: Stage, *more: Any) -> str:
-        """Digest of everything that a stage depends on, so that a change of something else leaves it valid.
+        """Digest of all that a stage depends on, so that a change of anything else leaves it valid.
 
         Parameters
         ----------
-        stage : {"screening", "calibration", "discovery"}
+        stage : {"screening", "calibration", "diagnosis"}
         *more : object
-            What it depends on beside the model, the fitted recording and its section: other recordings, and what it
-            takes from an earlier stage.
+            Dependencies beside the model, the first recording and the stage's section: other recordings, and results
+            of earlier stages.
         """
-        # which methods are asked for, and whether causes are, changes nothing in each of them
-        section = getattr(self, stage).model_dump(exclude={"methods", "enabled"})
+        section: dict[str, Any]
+        if stage == "diagnosis":
+            base = self.calibration
+            section = {**self.discovery.model_dump(), "base": [base.starts, base.library, base.level]}
+        else:  # the list of methods changes nothing in each of them
+            section = getattr(self, stage).model_dump(exclude={"methods"})
         return digest(
             program(),
             other_packages(),
@@ -196,147 +192,6 @@ class Study:
             self.run.random_state,
             list(more),
         )
-
-
-@dataclass(frozen=True)
-class Calibrated:
-    """Result of one calibration.
-
-    Parameters
-    ----------
-    method : str
-        ``"map"`` or ``"pso"``.
-    selection : str
-        ``"all"``, or the screener whose selection was calibrated.
-    names : tuple of str
-        Calibrated parameters.
-    theta : ndarray of shape (m,)
-        All parameters afterwards.
-    responses : tuple of ndarray of shape (R, L)
-        For each of `Study.observations`.
-    fits, stages : tuple of list
-        `ChannelFit` and `StageError` of each of them.
-    arrays, meta : dict
-        What the calibrator said besides: intervals, flags, groups, counts, seconds.
-    """
-
-    method: str
-    selection: str
-    names: tuple[str, ...]
-    theta: NDArray[np.float64]
-    responses: tuple[NDArray[np.float64], ...]
-    fits: tuple[list[ChannelFit], ...]
-    stages: tuple[list[StageError], ...]
-    arrays: dict[str, Any]
-    meta: dict[str, Any]
-
-    @property
-    def label(self) -> str:
-        """For tables and legends."""
-        return f"{self.method} on {self.selection}"
-
-
-@dataclass(frozen=True)
-class Discovered:
-    """Result of the search for causes.
-
-    Parameters
-    ----------
-    label : str
-        Effects that were added, empty for none.
-    labels : tuple of str
-        What the extended model is in each of `Study.observations`: an effect that belongs to one recording is off in
-        the others.
-    alone, responses : tuple of ndarray of shape (R, L)
-        Of the model with parameters alone and of the extended one, fitted to the same recordings, for each of
-        `Study.observations`.
-    fits_alone, fits : tuple of list
-        `ChannelFit` of each recording for both.
-    waveforms : tuple of ndarray of shape (2, L)
-        Time and unknown signal at each place that was ranked.
-    meta : dict
-        See `discover_causes`.
-    """
-
-    label: str
-    labels: tuple[str, ...]
-    alone: tuple[NDArray[np.float64], ...]
-    responses: tuple[NDArray[np.float64], ...]
-    fits_alone: tuple[list[ChannelFit], ...]
-    fits: tuple[list[ChannelFit], ...]
-    waveforms: tuple[NDArray[np.float64], ...]
-    meta: dict[str, Any]
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """Everything a report tells about a study.
-
-    Parameters
-    ----------
-    study : Study
-    before : tuple of ndarray of shape (R, L)
-        Responses at the nominal parameters, for each of `Study.observations`.
-    fits, stages : tuple of list
-        `ChannelFit` and `StageError` of `before`, for each recording.
-    screened : list of Screened
-    calibrated : list of Calibrated
-    discovered : Discovered or None
-        None where causes were not searched.
-    verdict : Verdict
-    seconds : float
-        Of this run.
-    started : str
-        ISO 8601.
-    reused : list of str
-        Stages that were taken over from an earlier run.
-    """
-
-    study: Study
-    before: tuple[NDArray[np.float64], ...]
-    fits: tuple[list[ChannelFit], ...]
-    stages: tuple[list[StageError], ...]
-    screened: list[Screened]
-    calibrated: list[Calibrated]
-    discovered: Discovered | None
-    verdict: Verdict
-    seconds: float
-    started: str
-    reused: list[str]
-
-    @property
-    def true_contributions(self) -> NDArray[np.float64] | None:
-        """Contributions (14) at the true parameters, shape (m,), where those are known."""
-        if self.study.truth is None:
-            return None
-        simulator = self.study.simulator
-        theta = np.array([self.study.truth[name] for name in simulator.parameters.names])
-        sensitivity = local_sensitivity(simulator, theta, self.study.observation.event).values[0]
-        return simulator.parameters.deviation(theta)[0] * sensitivity
-
-    @property
-    def hints(self) -> list[str]:
-        """What was doubtful about units, bases and signs."""
-        return doubts(self.observations)
-
-    @property
-    def advice(self) -> list[str]:
-        """What to check and what to measure next."""
-        return self.hints if self.discovered is None else list(self.discovered.meta["advice"])
-
-    @property
-    def best(self) -> Calibrated:
-        """The calibration that the report judges by: the first of the methods asked for."""
-        return self.calibrated[0]
-
-    @property
-    def observations(self) -> tuple[Observation, ...]:
-        """All recordings, see `Study.observations`."""
-        return self.study.observations
-
-    def named(self, values: NDArray[np.float64]) -> dict[str, Any]:
-        """Values (m,) of all parameters by name."""
-        return dict(zip(self.study.simulator.parameters.names, values.tolist(), strict=True))
 
 
 def check_effects(simulator: Simulator, section: DiscoverySection, source: str = "") -> None:

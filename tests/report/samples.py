@@ -1,36 +1,28 @@
 """A small result with every part, as a workflow makes it."""
 
+from dataclasses import replace
+
 import numpy as np
 
-from errorscreen.discovery import ChannelFit, StageError
-from errorscreen.report.discovery_schema import (
+from errorscreen.calibration.result import Calibration, Estimate
+from errorscreen.discovery import (
     Cause,
-    CauseParameter,
-    Discovery,
+    ChannelFit,
+    Contribution,
+    Diagnosis,
     EventGain,
-    Extension,
-    ExtensionFit,
     Gain,
     HypothesisFit,
     InputLocation,
-)
-from errorscreen.report.parts import ParameterResult
-from errorscreen.report.result_schema import (
-    Calibration,
-    CalibrationMethod,
-    ChannelData,
-    Diagnosis,
-    MethodFit,
-    RecordingData,
-    Result,
-    Run,
-    Screening,
-    ScreeningMethod,
-    Study,
+    ModelFit,
+    NamedEffect,
+    StageError,
     Verdict,
-    diagnose_recording,
-    fit_of,
 )
+from errorscreen.report import Result
+from errorscreen.report.result import ChannelInfo, RecordingInfo, Run, Screening, StudyInfo
+
+NAMES = ("trip", "second trip")
 
 
 def fit(rms, recording="trip", channel="P"):
@@ -41,56 +33,64 @@ def stage(share, name="fault"):
     return StageError("trip", "P", name, 1.0, 1.2, share, 40 * share)
 
 
+def model(label, *rms, share=0.9, names=NAMES):
+    """Errors of one model in each recording."""
+    return ModelFit(label, tuple(fit(r, n) for r, n in zip(rms, names, strict=True)), (stage(share),))
+
+
 def method(name, **options):
-    parameter = ParameterResult(
-        name="Xd", unit="pu", nominal=0.95, lower=0.5, upper=1.4, value=np.float64(1.2), low=1.1, high=1.3,
-        at_bound=False, identifiable=True, description="synchronous reactance",
+    parameter = Estimate(
+        "Xd", np.float64(1.2), 1.1, 1.3, nominal=0.95, lower=0.5, upper=1.4, unit="pu", identifiable=True,
+        description="synchronous reactance",
     )  # fmt: skip
-    loose = ParameterResult(
-        name="D", nominal=1.0, lower=0.0, upper=2.0, value=2.0, at_bound=True, identifiable=False
-    )
-    pairs = [
-        MethodFit(
-            recording=rec, role=role, channel="P", unit="pu", before=fit_of(fit(0.1)), after=fit_of(fit(0.02))
-        )
-        for rec, role in (("trip", "fit"), ("second trip", "held_out"))
-    ]
-    return CalibrationMethod(
-        method=name, label=f"{name}, two parameters", parameters=[parameter, loose], fits=pairs, **options
-    )
+    loose = Estimate("D", 2.0, at_bound=True, nominal=1.0, lower=0.0, upper=2.0, identifiable=False)
+    return Calibration(name, "two parameters", (parameter, loose), n_simulations=10, **options)
+
+
+def recording(name, role):
+    return RecordingInfo(
+        name, role, "data/rec.csv", 0.0, 4.1, 0.02, 1.0, (ChannelInfo("P", "pu", 0.01, 0.25),),
+        (f"{name}: the sign of P was turned.",),
+    )  # fmt: skip
+
+
+PARAMETERS = Cause("parameters", "Parameters of the model", "parameters", 0.97)
+UNKNOWN = Cause("unknown", "Unknown", "unknown", 0.03)
+
+
+def diagnosis(verdict=None, **changes):
+    parts = {
+        "verdict": verdict or Verdict("parameters", "All that is left is noise."),
+        "causes": (PARAMETERS, UNKNOWN), "groups": (), "input_locations": (), "cells": (), "tried": (),
+        "hypotheses": (HypothesisFit("parameters", 1.0, 0.5, 0.0),), "extension": (),
+        "parameters": (Estimate("D", 1.5, 1.25, 1.75, nominal=1.0, lower=0.0, upper=2.0),),
+        "calibration": method("map", level=0.9, converged=True), "models": (model("nominal", 0.1, 0.2),),
+        "step": 0.005, "n_simulations": 100, "seconds": 2.0,
+    }  # fmt: skip
+    return Diagnosis(**{**parts, **changes})
 
 
 def result(**changes):
     parts = {
-        "verdict": Verdict(kind="parameters", text="All that is left is noise."),
-        "study": Study(title="Line trip", device="synchronous_machine", base_mva=50, f_nominal=50, parameters=8),
-        "data": [
-            RecordingData(
-                name=name, role=role, path="data/rec.csv", start=0.0, stop=np.float64(4.1), dt=0.02, event_time=1.0,
-                channels=[ChannelData(name="P", unit="pu", noise=0.01, missing=0.25)],
-                assumptions=[f"{name}: the sign of P was turned."],
-            )
-            for name, role in (("trip", "fit"), ("second trip", "held_out"))
-        ],
-        "diagnosis": Diagnosis(
-            recordings=[
-                diagnose_recording("trip", "fit", [fit(0.1)], [fit(0.02)], [stage(0.9)], [stage(0.5)]),
-                diagnose_recording("second trip", "held_out", [fit(0.2)], [fit(float("nan"))]),
-            ]
+        "study": StudyInfo("Line trip", "synchronous_machine", "", 50.0, 50.0, 8),
+        "recordings": (recording("trip", "fit"), recording("second trip", "held_out")),
+        "diagnosis": diagnosis(),
+        "screening": (
+            Screening("cnn", {"Xd": 2.0, "D": 0.5}, ("Xd",), "the largest contribution", n_simulations=600),
+            Screening("random", {"Xd": 0.1, "D": 0.5}, ("D",), "the largest contribution"),
         ),
-        "screening": Screening(
-            rule="the largest contribution",
-            methods=[
-                ScreeningMethod(method="cnn", contributions={"Xd": 2.0, "D": 0.5}, selected=["Xd"], n_simulations=600),
-                ScreeningMethod(method="random", contributions={"Xd": 0.1, "D": 0.5}, selected=["D"]),
-            ],
+        "contributions": None,
+        "calibration": (
+            method("map", groups=(("Xd", "Xd1"),), level=0.9, converged=True, seconds=2.5), method("pso"),
         ),
-        "calibration": Calibration(
-            methods=[method("map", groups=[["Xd", "Xd1"]], level=0.9, converged=True, seconds=2.5), method("pso")]
+        "models": (
+            model("nominal", 0.1, 0.2),
+            model("map on two parameters", 0.02, float("nan"), share=0.5),
+            model("pso on two parameters", 0.02, 0.04),
         ),
+        "first_look": (), "hints": (), "advice": ("Record the field voltage.",),
         "run": Run(
-            version="0.1.0", python="3.11", packages={"numpy": "2.4"}, random_state=7, n_simulations=1234, n_failed=5,
-            seconds=61.5, started="2025-11-21T10:00:00Z",
+            "0.1.0", "3.11", {"numpy": "2.4"}, 7, 1, 0.0025, 1234, 5, 61.5, "2025-11-21T10:00:00Z",
         ),
     }  # fmt: skip
     return Result(**{**parts, **changes})
@@ -98,71 +98,54 @@ def result(**changes):
 
 def cause(name="exciter", probability=0.97, **changes):
     parts = {
-        "title": "Excitation control", "kind": "effect", "place": "Efd", "explained": 0.999,
-        "parameters": [
-            CauseParameter(name="exciter.K", unit="pu", description="gain", value=50.0, low=40.0, high=60.0),
-            CauseParameter(name="exciter.T", unit="s", value=0.02, low=None, high=None, at_bound=True),
-        ],
-        "equation": "T v' = K e - v", "explanation": "The machine holds its voltage.",
-        "confused_with": ["a governor"],
+        "title": "Excitation control", "kind": "effect", "place": "Efd", "explained": 0.999, "exact": True,
+        "parameters": (
+            Estimate("exciter.K", 50.0, 40.0, 60.0, unit="pu", description="gain"),
+            Estimate("exciter.T", 0.02, at_bound=True, unit="s"),
+        ),
+        "effects": (
+            NamedEffect(
+                name, name.partition("@")[0], "", "Efd", "T v' = K e - v", "The machine holds its voltage.",
+                ("a governor",),
+            ),
+        ),
     }  # fmt: skip
-    return Cause(name=name, probability=probability, **{**parts, **changes})
+    return Cause(name, probability=probability, **{**parts, **changes})
 
 
-UNKNOWN = Cause(name="unknown", title="Unknown", kind="unknown", place="", probability=0.03)
-
-
-def gain(value=0.6, low=0.4, high=0.7, events=3, **changes):
-    parts = {
-        "baseline": 9.0, "recalibrated": 5.0, "extended": 3.0, "gain": value, "interval": [low, high], "level": 0.9,
-        "placebo": 0.1, "placebo_parameters": 2, "extension_parameters": 3,
-        "events": [
-            EventGain(recording=f"trip {n}", baseline=9.0, recalibrated=5.0, extended=3.0) for n in range(events)
-        ],
-    }  # fmt: skip
-    return Gain(**{**parts, **changes})
-
-
-def discovery(**changes):
-    parts = {
-        "tried": ["exciter", "governor"],
-        "hypotheses": [HypothesisFit(name="exciter", chi2_per_sample=1.0, p_value=0.5, evidence=200.0)],
-        "fits": [
-            ExtensionFit(
-                recording=name, role=role, channel="P", unit="pu",
-                parameters=fit_of(fit(0.1)), extended=fit_of(fit(0.03)),
-            )
-            for name, role in (("trip", "fit"), ("third trip", "together"), ("second trip", "held_out"))
-        ],
-        "extension": [Extension(name="exciter")],
-        "parameters": [
-            ParameterResult(name="D", nominal=1.0, lower=0.0, upper=2.0, value=1.5, low=1.25, high=1.75),
-            ParameterResult(name="exciter.T", unit="s", nominal=0.1, lower=0.02, upper=1.0, value=0.02, at_bound=True),
-        ],
-        "step": 0.005, "cells": [], "advice": ["Record the field voltage."], "n_simulations": 100, "seconds": 2.0,
-    }  # fmt: skip
-    return Discovery(**{**parts, **changes})
+def gain(value=0.6, low=0.4, high=0.7, events=3, placebo=0.1, placebo_parameters=2):
+    found = tuple(EventGain(f"trip {n}", 9.0, 5.0, 3.0) for n in range(events))
+    return Gain(9.0, 5.0, 3.0, value, (low, high), 0.9, placebo, found, 3, placebo_parameters)
 
 
 def found(causes=None, **changes):
     """Result of a study that searched causes and named one."""
-    verdict = Verdict(kind="effect", text="So it is.", causes=causes or [cause(), UNKNOWN])
-    return result(**{"verdict": verdict, "discovery": discovery(), "gain": gain(), **changes})
+    causes = tuple(causes or (cause(), UNKNOWN))
+    named = diagnosis(
+        Verdict("effect", "So it is."), causes=causes, tried=("exciter", "governor"), gain=gain(),
+        hypotheses=(HypothesisFit("exciter", 1.0, 0.5, 200.0),), extension=causes[0].effects,
+        parameters=(
+            Estimate("D", 1.5, 1.25, 1.75, nominal=1.0, lower=0.0, upper=2.0),
+            Estimate("exciter.T", 0.02, at_bound=True, unit="s", nominal=0.1, lower=0.02, upper=1.0),
+        ),
+        models=(
+            model("nominal", 0.1, 0.2), model("parameters only", 0.1, 0.1), model("extended", 0.03, 0.03),
+        ),
+    )  # fmt: skip
+    return result(diagnosis=replace(named, **changes))
 
 
 def withdrawn():
     """Result of a study that named a cause which held-out recordings refute."""
-    unknown = UNKNOWN.model_copy(update={"probability": 1.0})
-    verdict = Verdict(
-        kind="unknown", text="It gains nothing.", causes=[unknown, cause(probability=0.0, withdrawn=True)]
-    )
     place = InputLocation(
-        device="synchronous_machine", place="Efd", probability=0.9, chi2_per_sample=1.2, follows=[("V", -0.8)],
-        explained=0.95, unit="pu", time=[0.0, 1.0], waveform=[0.0, 0.2],
+        "synchronous_machine", "Efd", 0.9, 1.2, np.array([0.0, 1.0]), np.array([0.0, 0.2]), (("V", -0.8),), "pu", 0.95
     )  # fmt: skip
-    fits = [f.model_copy(update={"extended": None}) for f in discovery().fits]
-    return found(
-        verdict=verdict,
-        discovery=discovery(fits=fits, extension=[], places=[place], advice=["Fit both together."]),
+    whole = found(
+        confirmed=Verdict("unknown", "It gains nothing."),
+        causes=(replace(UNKNOWN, probability=1.0), cause(probability=0.0, withdrawn=True)),
+        extension=(), input_locations=(place,), models=(model("nominal", 0.1, 0.2), model("parameters only", 0.1, 0.1)),
         gain=gain(-0.2, -0.5, 0.1, placebo=0.05),
+    )  # fmt: skip
+    return replace(
+        whole, advice=("Fit both together.",), first_look=(Contribution("exciter", "effect", 2.0),)
     )

@@ -5,11 +5,12 @@ from html.parser import HTMLParser
 import pytest
 
 from errorscreen import plotting
+from errorscreen.discovery import Verdict
 from errorscreen.exceptions import InputError
 from errorscreen.report import ReportFigure, write_report
 from errorscreen.report.html_report import EVENT_HEADLINE, HEADLINES, SECTIONS, render_report
-from errorscreen.report.result_schema import Calibration, Study, Verdict
-from tests.report.samples import UNKNOWN, cause, discovery, found, gain, result, withdrawn
+from errorscreen.report.result import StudyInfo
+from tests.report.samples import UNKNOWN, cause, diagnosis, found, gain, recording, result, withdrawn
 
 VOID = {"meta", "img", "br"}
 
@@ -49,7 +50,7 @@ def figures():
 def test_the_page_stands_alone():
     page = render_report(result(), figures())
     outline = Outline(page)
-    assert len(outline.addresses) == len(SECTIONS) - 1  # no causes were searched
+    assert len(outline.addresses) == len(SECTIONS)
     assert all(a.startswith("data:image/svg+xml;base64,") for a in outline.addresses)
     svg = base64.b64decode(outline.addresses[0].split(",")[1]).decode()
     assert svg.lstrip().startswith("<?xml")
@@ -59,7 +60,17 @@ def test_the_page_stands_alone():
 
 def test_every_section_is_there():
     outline = Outline(render_report(result(), figures()))
-    wanted = ["verdict", "case", "responses", "errors", "screening", "calibration", "data", "run"]
+    wanted = [
+        "verdict",
+        "case",
+        "responses",
+        "errors",
+        "screening",
+        "calibration",
+        "discovery",
+        "data",
+        "run",
+    ]
     assert outline.ids == wanted
     for words in (
         "Parameters of the model can explain the error All that is left is noise.",
@@ -70,7 +81,7 @@ def test_every_section_is_there():
         "Determined only together, so single values must not be read: Xd, Xd1.",
         "trip: the sign of P was turned.",
         "25 %",
-        "second trip, held out P (pu) 1 0.2 (−80 %) 0.2 (−80 %)",
+        "second trip, held out P (pu) 2 – (–) 0.4 (−80 %)",
         "1234, 5 of them failed",
         "Figure of responses.",
         "Selected: the largest contribution.",
@@ -83,7 +94,7 @@ def test_the_same_result_gives_the_same_page():
 
 
 def test_names_cannot_break_the_page():
-    study = Study(title="<script>alert(1)</script> & co", device='"><b>', parameters=1)
+    study = StudyInfo("<script>alert(1)</script> & co", '"><b>', "", 1.0, 50.0, 1)
     page = render_report(result(study=study))
     assert "<script" not in page
     assert "&lt;script&gt;alert(1)&lt;/script&gt; &amp; co" in page
@@ -92,12 +103,12 @@ def test_names_cannot_break_the_page():
 
 @pytest.mark.parametrize("kind", list(HEADLINES))
 def test_every_verdict_has_its_words(kind):
-    page = render_report(result(verdict=Verdict(kind=kind, text="So it is.")))
+    page = render_report(result(diagnosis=diagnosis(Verdict(kind, "So it is."))))
     assert HEADLINES[kind] in Outline(page).text
 
 
 def test_a_study_without_calibration_has_a_report():
-    Outline(render_report(result(calibration=Calibration(methods=[]))))
+    Outline(render_report(result(calibration=(), models=result().models[:1], screening=())))
 
 
 def test_the_file_is_written_or_refused(tmp_path):
@@ -120,14 +131,15 @@ def test_a_withdrawn_cause_is_told_as_withdrawn():
     assert "The extension" not in text
     for words in (
         HEADLINES["unknown"],
+        "Before the held-out recordings were judged, the verdict was “effect”: So it is.",
         "Unknown – 1.00 – Withdrawn: Excitation control Efd 0.00 99.9 %",
-        "Withdrawn: Excitation control The search named it, and recordings that were not fitted do not confirm it, so "
+        "Withdrawn: Excitation control The search named it, but held-out recordings do not confirm it, so "
         "the model is not extended by it. On them it adds 20 % of the squared error of the recalibrated model "
         "(interval of what it removes: -50 … 10 %), and a wrong effect does no worse.",
         "exciter.K gain pu 50 40 … 60",
         "Where something unknown enters",
         "synchronous_machine Efd 0.90 1.2 95 % V (-0.8)",
-        "What was withdrawn, with 3 parameters of its own, adds 20 % of the squared error",
+        "The withdrawn effect, with 3 parameters of its own, adds 20 % of the squared error",
         "Fit both together.",
     ):
         assert words in text, words
@@ -138,7 +150,7 @@ def test_what_was_named_is_the_extension():
     assert "The extension: Excitation control The machine holds its voltage." in text
     assert "Withdrawn" not in text
     assert "Effects that were tried: exciter, governor." in text
-    assert "third trip, fitted together P (pu) 0.1 0.03 −70 %" in text
+    assert "second trip, held out P (pu) 0.1 0.03 −70 %" in text
 
 
 def test_the_values_of_the_extended_model_are_told():
@@ -148,17 +160,6 @@ def test_the_values_of_the_extended_model_are_told():
     assert "exciter.T s 0.1 0.02 −80 % 0.02 … 1 – at a bound" in text
     for other in (result(), withdrawn()):
         assert "Parameters of the extended model" not in text_of(other)
-
-
-def test_values_that_several_recordings_give_are_told():
-    verdict = Verdict(
-        kind="parameters", text="So it is.", causes=[cause("parameters", parameters=[]), UNKNOWN]
-    )
-    together = result().data[0].model_copy(update={"name": "third trip", "role": "together"})
-    alone = found(verdict=verdict, discovery=discovery(extension=[]))
-    several = alone.model_copy(update={"data": [*alone.data, together]})
-    assert "Parameters fitted to all recordings together The values under Calibration" in text_of(several)
-    assert "fitted to all recordings together" not in text_of(alone)
 
 
 def test_a_value_at_its_bound_has_no_interval():
@@ -171,7 +172,7 @@ def test_an_error_of_the_record_of_an_event_is_no_lack_of_the_model():
     assert HEADLINES["effect"] not in text
     assert "Of this recording alone: Fault of another duration" in text
     assert "The extension" not in text
-    assert "What belongs to one recording alone is off here" in text
+    assert "An effect of one recording alone is off here" in text
     mixed = found([cause("exciter + fault_duration"), UNKNOWN])
     assert HEADLINES["effect"] in text_of(mixed)
 
@@ -190,7 +191,7 @@ def test_an_error_of_the_record_of_an_event_is_no_lack_of_the_model():
             "70 %). There is no placebo to compare with: no wrong effect was fitted.",
         ),
         (gain(placebo=-0.3), "A placebo, a wrong effect with 2 parameters, adds 30 %."),
-        (gain(None, None, None), "with 3 parameters of its own, cannot be simulated there."),
+        (gain(*[float("nan")] * 3), "with 3 parameters of its own, cannot be simulated there."),
     ],
 )
 def test_the_gain_says_what_it_was_compared_with(measured, words):
@@ -211,18 +212,18 @@ def test_few_events_are_no_sure_interval(events, words):
 
 def test_doubts_about_units_stand_beside_the_verdict():
     hint = "trip: P before the event is 72 pu: check its unit and base_mva."
-    text = text_of(result(verdict=Verdict(kind="parameters", text="All is well.", hints=[hint])))
+    text = text_of(result(hints=(hint,)))
     assert (
-        "All is well. Check first, because a wrong unit, base or sign looks like an unknown cause, or parameters and "
-        f"effects make up for it: {hint}"
+        "All that is left is noise. Check first, because a wrong unit, base or sign looks like an unknown cause, or "
+        f"parameters and effects make up for it: {hint}"
     ) in text
 
 
 def test_the_roles_of_recordings_are_told():
-    data = [*result().data, result().data[0].model_copy(update={"name": "third trip", "role": "together"})]
-    text = text_of(found(data=data))
+    several = result(recordings=(*result().recordings, recording("third trip", "together")))
+    text = text_of(several)
     assert (
-        "Fitted together third trip: 0 to 4.1 s every 0.02 s, event at 1 s; in the search for causes only"
+        "Fitted together third trip: 0 to 4.1 s every 0.02 s, event at 1 s; not used for screening and the swarm"
         in text
     )
     assert "third trip, fitted together channel unit" in text

@@ -3,11 +3,11 @@ from pathlib import Path
 
 import jsonschema
 import pytest
+from errorscreen.report.result_schema import Verdict, json_schema, write_json_schema
 from pydantic import ValidationError
 
 from errorscreen.exceptions import InputError
 from errorscreen.report import diagnose_recording, read_result, write_result
-from errorscreen.report.result_schema import Verdict, json_schema, write_json_schema
 from tests.report.samples import fit, found, gain, result, stage, withdrawn
 
 DOCUMENTED = Path(__file__).resolve().parents[2] / "docs" / "result_schema.json"

@@ -1,4 +1,4 @@
-"""What the search for causes hands to result and report."""
+"""What a diagnosis hands to result and report."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -6,19 +6,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from errorscreen._runtime.typed import to_json
 from errorscreen.bench.plant_scenarios import draw_plant_scenario
 from errorscreen.cases.case_models import DiscoverySection
 from errorscreen.data.observations import Observation
-from errorscreen.discovery import Cause
+from errorscreen.discovery import Contribution, InputLocation, NamedEffect
 from errorscreen.effects import EXCITER
 from errorscreen.effects.forced_oscillation import forced_oscillation
-from errorscreen.parameters import Parameter, ParameterSpace
 from errorscreen.report import read_result
 from errorscreen.report.html_report import EVENT_HEADLINE
-from errorscreen.workflow import Study, build_result, run_study, write_outputs
-from errorscreen.workflow.discover import compared, fitted_parameters
-from errorscreen.workflow.output import thinned
+from errorscreen.workflow import Study, run_study, write_outputs
 from tests.plants import dip, plant
+from tests.report import samples
 from tests.workflow.test_study import QUICK
 
 NOISE = np.array([2e-3, 2e-3])
@@ -40,48 +39,48 @@ def hidden_effect(tmp_path_factory):
 
 def test_a_hidden_effect_is_named_extended_and_gains(hidden_effect):
     hidden, _, out, outcome = hidden_effect
-    result = build_result(outcome)
-    assert result.verdict.kind == "effect"
-    first = result.verdict.causes[0]
-    assert first.name == hidden.effects[0]
-    assert first.equation
-    assert first.explanation
+    found = outcome.result.diagnosis
+    assert (found.verdict.kind, found.final.kind) == ("effect", "effect")
+    first = found.causes[0]
+    assert first.name == hidden.effects[0] == first.effects[0].name
+    assert first.effects[0].equation
+    assert first.effects[0].explanation
     assert {p.name.split(".")[0] for p in first.parameters} == {hidden.effects[0]}
-    assert result.gain.extended < 0.5 * result.gain.recalibrated
-    assert len(result.gain.events) == len(hidden.held_out)
-    assert result.discovery.hypotheses[0].evidence > 10
+    assert found.gain.extended < 0.5 * found.gain.recalibrated
+    assert len(found.gain.events) == len(hidden.held_out)
+    assert found.hypotheses[0].evidence > 10
     report = write_outputs(outcome, out)[1].read_text(encoding="utf-8")
     assert "What parameters cannot explain" in report
     assert "Gain on events that were not fitted" in report
-    assert first.equation.split(",")[0].replace("'", "&#39;") in report
+    assert f"extended ({hidden.effects[0]})" in report
+    assert first.effects[0].equation.split(",")[0].replace("'", "&#39;") in report
 
 
-def test_the_search_is_taken_over_from_an_earlier_run(hidden_effect):
+def test_the_diagnosis_is_taken_over_from_an_earlier_run(hidden_effect):
     _, study, out, outcome = hidden_effect
     again = run_study(study, out)
-    assert "discovery" in again.reused
-    assert again.verdict == outcome.verdict
-    assert np.array_equal(again.discovered.responses[1], outcome.discovered.responses[1])
+    assert "diagnosis" in again.result.run.reused
+    assert to_json(again.result.diagnosis) == to_json(outcome.result.diagnosis)
+    one, two = (o.result.diagnosis.responses["extended"] for o in (again, outcome))
+    assert all(np.array_equal(a, b) for a, b in zip(one, two, strict=True))
 
 
 def test_all_numbers_of_the_extension_are_in_the_result(hidden_effect):
     hidden, study, _, outcome = hidden_effect
-    result = build_result(outcome)
-    fits = result.discovery.fits
-    assert [(f.recording, f.role, f.channel) for f in fits] == [
-        (o.event.name, role, channel)
-        for o, role in zip(study.observations, study.roles, strict=True)
-        for channel in "PQ"
+    found = outcome.result.diagnosis
+    alone, extended = found.model("parameters only"), found.model("extended")
+    assert [(c.recording, c.channel) for c in extended.channels] == [
+        (o.event.name, channel) for o in study.observations for channel in "PQ"
     ]
-    assert all(f.extended.chi2_per_sample < 0.5 * f.parameters.chi2_per_sample for f in fits)
-    assert set(result.discovery.tried) == {*hidden.effects, "lag_P"}
-    assert result.gain.extension_parameters == len(result.verdict.causes[0].parameters)
-    assert result.gain.placebo_parameters > 0
-    assert outcome.discovered.labels == (f"extended ({hidden.effects[0]})",) * 3
+    for one in extended.channels:
+        assert one.chi2_per_sample < 0.5 * alone.channel(one.recording, one.channel).chi2_per_sample
+    assert set(found.tried) == {*hidden.effects, "lag_P"}
+    assert found.gain.extension_parameters == len(found.causes[0].parameters)
+    assert found.gain.placebo_parameters > 0
 
 
 def rebuilt(simulator, found):
-    """The extended model, from that of the case file and what ``result.json`` tells of the search."""
+    """The extended model, from that of the case file and ``result.json``."""
     for one in found.extension:
         name = one.name.partition("@")[0]
         effect = next(e for e in simulator.effects if e.name == name)
@@ -97,60 +96,45 @@ def rebuilt(simulator, found):
 @pytest.mark.parametrize("name", ["hidden_effect", "refuted", "swinging"])
 def test_the_extended_model_is_rebuilt_from_the_result_alone(name, request, tmp_path):
     outcome = request.getfixturevalue(name)[-1]
-    found = read_result(write_outputs(outcome, tmp_path)[0]).discovery
-    assert [e.name for e in found.extension] == outcome.discovered.label.split()
+    found = read_result(write_outputs(outcome, tmp_path)[0]).diagnosis
     model = rebuilt(outcome.study.simulator, found)
-    responses = outcome.discovered.responses  # of CauseFinder.extended_simulator_
-    for observation, response in zip(outcome.observations, responses, strict=True):
+    label = "extended" if found.extension else "parameters only"
+    responses = outcome.result.diagnosis.responses[label]
+    for observation, response in zip(outcome.study.observations, responses, strict=True):
         assert np.array_equal(model.baseline(observation.event), response)
 
 
-def test_the_first_look_is_compared_with_what_the_search_names():
+def test_the_first_look_is_compared_with_the_named_effects():
     kinds = {"Xd": "parameter", "exciter": "effect", "D": "parameter", "oscillation": "effect"}
-    looked = [{"name": name, "kind": kind, "value": 1.0} for name, kind in kinds.items()]
-    one, two = forced_oscillation("Pm").during("calm"), EXCITER
-    assert compared(looked, [one]) == "The search names oscillation, which has rank 4 of 4 here."
-    assert compared(looked, [two, one]) == (
+    looked = tuple(Contribution(name, kind, 1.0) for name, kind in kinds.items())
+    one, two = NamedEffect.of(forced_oscillation("Pm").during("calm")), NamedEffect.of(EXCITER)
+
+    def told(*effects, looked=looked):
+        found = samples.diagnosis(extension=effects)
+        return samples.result(diagnosis=found, first_look=looked).first_look_compared
+
+    assert told(one) == "The search names oscillation, which has rank 4 of 4 here."
+    assert told(two, one) == (
         "The search names exciter, which has rank 2 of 4 here, and oscillation, which has rank 4 of 4 here."
     )
-    assert compared(looked, []) == "The search names no effect; the first one here, exciter, has rank 2 of 4."
-    assert compared([], [two]) == ""
-
-
-def test_a_value_at_its_bound_has_no_interval():
-    space = ParameterSpace([Parameter("a", 1.0, 0.5, 2.0), Parameter("e.s", 0.0, 0.0, 1.0, scale=1.0)])
-    hypothesis = SimpleNamespace(
-        names=space.names,
-        theta=np.array([1.4, 1.0]),
-        free=np.array([True, False]),
-        covariance=np.diag([0.01, 0.0]),
-        inflation=4.0,
-        simulator=SimpleNamespace(parameters=space),
-    )
-    cause = Cause("e", "E", "effect", 0.9, "port", {"e.s": (1.0, 1.0, 1.0)}, 0.99, True)
-    free, bound = fitted_parameters(hypothesis, cause)
-    assert (free["value"], free["at_bound"]) == (1.4, False)
-    assert (free["low"], free["high"]) == pytest.approx((1.4 - 0.1645, 1.4 + 0.1645))
-    assert (bound["value"], bound["low"], bound["high"], bound["at_bound"]) == (1.0, None, None, True)
-    # what leaves more than was named: errors of form count as noise of their size
-    assert fitted_parameters(hypothesis, None)[0]["high"] == pytest.approx(1.4 + 2 * 0.1645)
+    assert told() == "The search names no effect; the first one here, exciter, has rank 2 of 4."
+    assert told(two, looked=()) == ""
 
 
 def test_all_values_of_the_extended_model_have_intervals_or_a_bound(hidden_effect):
     _, study, _, outcome = hidden_effect
-    result = build_result(outcome)
-    space, found = study.simulator.parameters, result.discovery.parameters
-    own = result.verdict.causes[0].parameters
+    diagnosis = outcome.result.diagnosis
+    space, found = study.simulator.parameters, diagnosis.parameters
+    own = diagnosis.causes[0].parameters
     assert [p.name for p in found] == [*space.names, *(p.name for p in own)]
     for p in found:
-        assert (p.low is None) == p.at_bound == (p.value in (p.lower, p.upper))
+        assert np.isnan(p.low) == np.isnan(p.high)
         assert p.at_bound or p.lower <= p.low < p.value < p.high <= p.upper
-    for p, q in zip(found[len(space) :], own, strict=True):
-        assert (p.value, p.low, p.high, p.at_bound) == (q.value, q.low, q.high, q.at_bound)
+    assert found[len(space) :] == own
     for p in found[: len(space)]:
         assert p.nominal == space[p.name].nominal
-    # which is not what a calibration without the effect has found
-    alone = {p.name: p.value for p in result.calibration.methods[0].parameters}
+    # a calibration without the effect has found others
+    alone = {p.name: p.value for p in outcome.result.calibration[0].parameters}
     assert any(abs(p.value / alone[p.name] - 1.0) > 0.02 for p in found[: len(space)])
 
 
@@ -158,56 +142,56 @@ def test_all_values_of_the_extended_model_have_intervals_or_a_bound(hidden_effec
 def refuted(hidden_effect):
     """The same search, judged on recordings of the machine without the stabiliser."""
     hidden, study, out, outcome = hidden_effect
-    held_out = tuple(
-        replace(o, values=y) for o, y in zip(study.held_out, outcome.discovered.alone[1:], strict=True)
-    )
+    alone = outcome.result.diagnosis.responses["parameters only"]
+    held_out = tuple(replace(o, values=y) for o, y in zip(study.held_out, alone[1:], strict=True))
     return hidden, out, run_study(replace(study, held_out=held_out), out)
 
 
-def test_a_refuted_extension_is_reported_as_withdrawn(refuted, tmp_path):
+def test_a_refuted_extension_is_withdrawn_and_the_first_verdict_stays(refuted, tmp_path):
     hidden, _, outcome = refuted
-    result = build_result(outcome)
-    unknown, gone = result.verdict.causes[:2]
-    assert (result.verdict.kind, unknown.name, gone.name) == ("unknown", "unknown", hidden.effects[0])
+    found = outcome.result.diagnosis
+    unknown, gone = found.causes[:2]
+    assert (found.verdict.kind, found.final.kind) == ("effect", "unknown")
+    assert (unknown.name, gone.name) == ("unknown", hidden.effects[0])
     assert gone.withdrawn
     assert gone.parameters
-    assert outcome.discovered.label == ""
-    assert set(outcome.discovered.labels) == {""}
-    assert all(f.extended is None for f in result.discovery.fits)
-    advice = " ".join(result.discovery.advice)
+    assert found.extension == ()
+    assert found.model("extended") is None
+    advice = " ".join(outcome.result.advice)
     assert "Something unknown enters at Efd" in advice
     assert f"{gone.title} was withdrawn" in advice
     assert "[[together]]" in advice
     report = write_outputs(outcome, tmp_path)[1].read_text(encoding="utf-8")
     assert f"Withdrawn: {gone.title}" in report
     assert "The extension:" not in report
-    assert "Signal that would have to enter at Efd" in report
+    assert "Input that would have to enter at Efd" in report
 
 
-def test_places_are_in_the_result_with_their_signal(refuted):
-    outcome = refuted[2]
-    places = build_result(outcome).discovery.places
-    time, signal = outcome.discovered.waveforms[0]
-    assert places[0].unit == "pu"
-    assert 100 < len(places[0].time) <= 200 < len(time)
-    assert places[0].time[0] == time[0]
-    assert places[0].time[-1] == time[-1]
-    assert np.allclose(np.interp(places[0].time, time, signal), places[0].waveform)
-    assert max(places[0].waveform) == signal.max()
-    assert min(places[0].waveform) == signal.min()
+def test_locations_are_in_the_result_with_their_signal(refuted):
+    first = refuted[2].result.diagnosis.input_locations[0]
+    time = refuted[2].study.observation.time
+    assert first.unit == "pu"
+    assert 100 < len(first.time) <= 200 < len(time)
+    assert (first.time[0], first.time[-1]) == (time[0], time[-1])
 
 
-def test_other_recordings_to_judge_on_need_no_new_search(refuted):
+def test_a_thinned_signal_keeps_its_ends_and_its_peaks():
+    time = np.linspace(0.0, 5.0, 1001)
+    signal = np.sin(7.0 * time) * np.exp(-time)
+    signal[497] = 3.0
+    whole = InputLocation("unit", "Efd", 1.0, 1.0, time, signal, ())
+    thin = whole.thinned()
+    assert len(thin.time) <= 200
+    assert (thin.waveform.max(), thin.waveform.min()) == (signal.max(), signal.min())
+    assert np.allclose(np.interp(thin.time, time, signal), thin.waveform)
+    assert thin.thinned() is thin
+
+
+def test_other_held_out_recordings_need_no_new_search(refuted):
     _, out, outcome = refuted
-    assert {"screening-sensitivity", "screening-random"} <= set(outcome.reused)
-    assert "discovery" not in outcome.reused  # which is also what held-out recordings say about it
-    assert len(list(out.glob("stages/*/discovery.npz"))) == 2
+    assert {"screening-sensitivity", "screening-random"} <= set(outcome.result.run.reused)
+    assert "diagnosis" not in outcome.result.run.reused  # held-out recordings are part of it
     assert len(list(out.glob("stages/*/search"))) == 1
-
-
-def test_a_short_series_is_kept():
-    short = np.arange(20.0).reshape(2, 10)
-    assert thinned(short) is short
 
 
 def recorded(simulator, theta, event, seed):
@@ -239,44 +223,43 @@ def swinging(tmp_path_factory):
 
 def test_recordings_are_searched_together(swinging):
     study, _, outcome = swinging
-    first = build_result(outcome).verdict.causes[0]
+    first = outcome.result.diagnosis.causes[0]
     assert (first.name, first.event) == ("oscillation@swinging", True)
+    assert first.effects[0].recording == "swinging"
     assert next(p.value for p in first.parameters if p.name.endswith(".f")) == pytest.approx(1.3, rel=0.02)
-    # screening and calibration know the first alone
-    without = replace(study, together=())
-    assert without.fingerprint("screening") == study.fingerprint("screening")
-    assert outcome.calibrated[0].meta["chi2_per_sample"] < 2
+    # screening knows the first recording alone
+    assert replace(study, together=()).fingerprint("screening") == study.fingerprint("screening")
 
 
 def test_the_role_of_each_recording_is_reported(swinging):
-    result = build_result(swinging[2])
+    result = swinging[2].result
     roles = [("calm", "fit"), ("swinging", "together"), ("other", "held_out")]
-    assert [(r.name, r.role) for r in result.data] == roles
-    assert [(r.recording, r.role) for r in result.diagnosis.recordings] == roles
-    assert list(dict.fromkeys((f.recording, f.role) for f in result.discovery.fits)) == roles
-    assert list(dict.fromkeys((f.recording, f.role) for f in result.calibration.methods[0].fits)) == roles
+    assert [(r.name, r.role) for r in result.recordings] == roles
+    for model in (*result.models, *result.diagnosis.models):
+        assert list(dict.fromkeys(c.recording for c in model.channels)) == [name for name, _ in roles]
 
 
-def test_what_happened_once_is_no_lack_of_the_model(swinging, tmp_path):
+def test_an_event_of_one_recording_is_no_lack_of_the_model(swinging, tmp_path):
     outcome = swinging[2]
-    off = "parameters fitted beside oscillation, which is off here"
-    assert outcome.discovered.labels == (off, "extended (oscillation)", off)
     report = write_outputs(outcome, tmp_path)[1].read_text(encoding="utf-8")
+    assert "parameters fitted beside oscillation, which is off here" in report
+    assert "extended (oscillation)" in report
     assert EVENT_HEADLINE in report
     assert "The extension:" not in report
-    assert "this is about one recording alone" in " ".join(outcome.advice)
+    assert "this is about one recording alone" in " ".join(outcome.result.advice)
     assert "swinging, fitted together" in report
 
 
-def test_a_recording_more_to_search_leaves_screening_and_calibration(swinging):
+def test_another_recording_to_fit_leaves_screening_and_the_swarm(swinging):
     study, out, _ = swinging
-    again = run_study(replace(study, together=(), discovery=DiscoverySection(enabled=False)), out)
-    assert again.reused == ["screening-sensitivity", "screening-random", "calibration-map"] + [
-        f"calibration-pso-{method}" for method in ("sensitivity", "random")
-    ]
-    assert again.discovered is None
+    again = run_study(replace(study, together=(), discovery=DiscoverySection(enabled=False)), out).result
+    assert set(again.run.reused) == {
+        *("screening-sensitivity", "screening-random"),
+        *(f"calibration-pso-{method}" for method in ("sensitivity", "random")),
+    }
+    assert again.diagnosis.tried == ()
     keys = {
-        replace(study, together=together).fingerprint("discovery", together)
+        replace(study, together=together).fingerprint("diagnosis", together)
         for together in ((), study.together, study.held_out)
     }
     assert len(keys) == 3

@@ -30,29 +30,29 @@ def test_training_errors_take_a_longer_step_whose_error_is_well_below_noise(demo
             return super().fit(X)
 
     monkeypatch.setitem(SCREENERS._items, "training", Training)
-    _, meta = screen("training", plant, observation, ScreeningSection(), RunSection(), tmp_path, False)
+    found = screen("training", plant, observation, ScreeningSection(), RunSection(), tmp_path, False)
     (coarse,) = made
     assert plant.step < coarse.step <= observation.event.dt
     theta = latin_hypercube(plant.parameters, 40, 0)
     exact, rough = (one.simulate(theta, observation.event).values for one in (plant, coarse))
     added = ((rough - exact) / observation.noise[:, None])[:, observation.mask]
     assert np.quantile(np.sqrt(np.mean(added**2, axis=1)), 0.9) < 0.5
-    assert meta["n_simulations"] > 0  # those that chose the step count
+    assert found.n_simulations > 0  # those that chose the step count
 
 
 @pytest.mark.parametrize(("method", "count"), [("sensitivity", 9), ("identifiability", 17), ("random", 0)])
 def test_methods_count_their_simulations(demo, tmp_path, method, count):
     plant, observation = demo
-    _, meta = screen(method, plant, observation, ScreeningSection(), RunSection(), tmp_path, False)
-    assert meta["n_simulations"] == count
-    assert meta["threads"] is None
-    assert set(meta["names"]) <= set(plant.parameters.names)
+    found = screen(method, plant, observation, ScreeningSection(), RunSection(), tmp_path, False)
+    assert found.n_simulations == count
+    assert found.threads is None
+    assert set(found.selected) <= set(plant.parameters.names)
 
 
 def test_the_network_ranks_all_parameters(demo, tmp_path):
     plant, observation = demo
     section = ScreeningSection(samples=40, epochs=1)
-    arrays, meta = screen("cnn", plant, observation, section, RunSection(), tmp_path, False)
-    assert np.all(np.isfinite(arrays["contributions"]))
-    assert meta["n_simulations"] > 40 * (len(plant.parameters) + 1)
-    assert (meta["threads"], (tmp_path / "dataset").exists()) == (1, True)
+    found = screen("cnn", plant, observation, section, RunSection(), tmp_path, False)
+    assert np.all(np.isfinite(list(found.contributions.values())))
+    assert found.n_simulations > 40 * (len(plant.parameters) + 1)
+    assert (found.threads, (tmp_path / "dataset").exists()) == (1, True)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from errorscreen._runtime.typed import Real
 from errorscreen.data.observations import Observation
 from errorscreen.events import InputSignal, Playback
 from errorscreen.metrics import quiet_level, response_error, rms
@@ -37,10 +39,10 @@ class ChannelFit:
     recording: str
     channel: str
     unit: str
-    rms: float
-    E: float
-    chi2_per_sample: float
-    noise: float
+    rms: Real
+    E: Real
+    chi2_per_sample: Real
+    noise: Real
 
 
 @dataclass(frozen=True)
@@ -61,10 +63,46 @@ class StageError:
     recording: str
     channel: str
     stage: str
-    start: float
-    stop: float
-    share: float
-    rms_over_noise: float
+    start: Real
+    stop: Real
+    share: Real
+    rms_over_noise: Real
+
+
+@dataclass(frozen=True)
+class ModelFit:
+    """How well one model reproduces all recordings.
+
+    Parameters
+    ----------
+    label : str
+        The model, for tables and legends.
+    channels : tuple of ChannelFit
+    stages : tuple of StageError
+    """
+
+    label: str
+    channels: tuple[ChannelFit, ...]
+    stages: tuple[StageError, ...]
+
+    @classmethod
+    def of(cls, label: str, observations: Sequence[Observation], responses: Sequence[ArrayLike]) -> ModelFit:
+        """Compare responses (R, L) with the observations that they belong to."""
+        pairs = list(zip(observations, responses, strict=True))
+        return cls(
+            label,
+            tuple(fit for o, y in pairs for fit in channel_fits(o, y)),
+            tuple(stage for o, y in pairs for stage in stage_errors(o, y)),
+        )
+
+    def channel(self, recording: str, channel: str) -> ChannelFit | None:
+        """Fit of one channel; None if it was not measured."""
+        return next((c for c in self.channels if (c.recording, c.channel) == (recording, channel)), None)
+
+    def stage(self, recording: str, channel: str, stage: str) -> StageError | None:
+        """Error of one channel in one stage; None if nothing was measured there."""
+        key = (recording, channel, stage)
+        return next((s for s in self.stages if (s.recording, s.channel, s.stage) == key), None)
 
 
 def channel_fits(observation: Observation, responses: ArrayLike) -> list[ChannelFit]:

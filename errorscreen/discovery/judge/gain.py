@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen._runtime.sampling import generator
+from errorscreen._runtime.typed import Real
 from errorscreen.calibration import MAPCalibrator
 from errorscreen.data.observations import Observation
 from errorscreen.data.signals import correlation_time
@@ -53,9 +54,9 @@ class EventGain:
     """
 
     recording: str
-    baseline: float
-    recalibrated: float
-    extended: float
+    baseline: Real
+    recalibrated: Real
+    extended: Real
 
 
 @dataclass(frozen=True)
@@ -79,11 +80,11 @@ class Gain:
     events : tuple of EventGain
     """
 
-    baseline: float
-    recalibrated: float
-    extended: float
-    gain: float
-    interval: tuple[float, float]
+    baseline: Real
+    recalibrated: Real
+    extended: Real
+    gain: Real
+    interval: tuple[Real, Real]
     level: float
     placebo: float | None
     events: tuple[EventGain, ...]

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from errorscreen._runtime.threads import parallel_map
 from errorscreen.calibration.intervals import posterior_covariance
 from errorscreen.calibration.problem import FitProblem
+from errorscreen.calibration.result import Estimate
 from errorscreen.calibration.search import BoundedSearch
 from errorscreen.data.observations import Observation
 from errorscreen.discovery.fits.hypotheses import PRIOR, Hypothesis
@@ -78,20 +79,19 @@ def with_profiles(
     return told, list(fits.values()), count
 
 
-def _profiled(
-    cause: Cause, hypothesis: Hypothesis, others: _Array
-) -> tuple[dict[str, tuple[float, float, float]], int]:
+def _profiled(cause: Cause, hypothesis: Hypothesis, others: _Array) -> tuple[tuple[Estimate, ...], int]:
     """Value and interval of each parameter of a cause, and the simulations that they took."""
     width = half_width(hypothesis, cause.exact)
+    names = [p.name for p in cause.parameters]
     ends = parallel_map(
-        [partial(profile, hypothesis, name, width, others) for name in cause.parameters],
-        hypothesis.simulator.threads,
+        [partial(profile, hypothesis, name, width, others) for name in names], hypothesis.simulator.threads
     )
-    values = dict(zip(hypothesis.simulator.parameters.names, hypothesis.theta.tolist(), strict=True))
-    parameters = {
-        name: stamped(hypothesis, name, (values[name], low, high))
-        for name, (low, high, _) in zip(cause.parameters, ends, strict=True)
-    }
+    space = hypothesis.simulator.parameters
+    values = dict(zip(space.names, hypothesis.theta.tolist(), strict=True))
+    parameters = tuple(
+        Estimate.of(space[name], *stamped(hypothesis, name, (values[name], low, high)))
+        for name, (low, high, _) in zip(names, ends, strict=True)
+    )
     return parameters, sum(used for *_, used in ends)
 
 

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
+from errorscreen._runtime.typed import Real
+from errorscreen.calibration.result import Estimate
 from errorscreen.discovery.fits.hypotheses import Hypothesis
 from errorscreen.discovery.judge.candidate_set import CandidateSet
+from errorscreen.effects.base import Effect
 from errorscreen.events import Playback
 
 #: prior probability that something is missing at all
@@ -33,43 +38,89 @@ _WIDTH = 1.645
 
 
 @dataclass(frozen=True)
-class Cause:
-    """One explanation of what the simulation gets wrong.
+class NamedEffect:
+    """One effect of a cause, in words.
 
     Parameters
     ----------
     name : str
-        Of the effect; several joined by `` + ``; ``"parameters"`` or ``"unknown"``.
+        Of the effect; with a recording, also without it (`original`).
+    original : str
+        Name by which the model knows it.
+    recording : str
+        The only recording in which it acts; empty for all.
+    place : str
+        Port, or measured channel, at which it acts.
+    equation, explanation : str
+    confused_with : tuple of str
+        Causes of similar errors.
+    """
+
+    name: str
+    original: str
+    recording: str = ""
+    place: str = ""
+    equation: str = ""
+    explanation: str = ""
+    confused_with: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, effect: Effect) -> NamedEffect:
+        """Words of an effect."""
+        return cls(
+            effect.name, effect.original, effect.recording, effect.place, effect.formula, effect.description,
+            effect.confused_with,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Cause:
+    """One explanation of the error.
+
+    Parameters
+    ----------
+    name : str
+        Names of its effects joined by `` + ``; ``"parameters"`` or ``"unknown"`` without any.
     title : str
         For reports.
     kind : {"parameters", "effect", "measurement", "unknown"}
     probability : float
     place : str
         Port, or measured channel.
-    parameters : dict of str to (float, float, float)
-        Value and interval of each parameter of the effects.
+    parameters : tuple of Estimate
+        Values and intervals of the parameters of its effects.
     explained : float
-        Share of what parameters leave beyond noise that it explains.
+        Share of the error beyond noise that parameters leave and that it explains, 0 to 1.
     exact : bool
-        Whether it leaves only noise. If not, the effect is of this kind but has another form than the library's, and
-        its values are those that come nearest.
+        Whether it leaves only noise. If not, the form differs from the library's: the effect is of this kind, and its
+        values are the nearest ones.
     event : bool
-        Whether it is only about what happened during one recording (`Effect.event_specific`): an error of the event's
-        record, or a forced oscillation. On other recordings it is off.
+        Whether it belongs to one recording only (`Effect.event_specific`) and is off in others.
     withdrawn : bool
-        Whether recordings that were not fitted refute it; its probability is 0 then.
+        Whether held-out recordings refute it; its probability is 0 then.
+    effects : tuple of NamedEffect
     """
 
     name: str
     title: str
-    kind: str
-    probability: float
-    place: str
-    parameters: dict[str, tuple[float, float, float]]
-    explained: float
-    exact: bool
+    kind: Literal["parameters", "effect", "measurement", "unknown"]
+    probability: Real
+    place: str = ""
+    parameters: tuple[Estimate, ...] = ()
+    explained: Real = 0.0
+    exact: bool = False
     event: bool = False
     withdrawn: bool = False
+    effects: tuple[NamedEffect, ...] = ()
+
+    @property
+    def values(self) -> dict[str, tuple[float, float, float]]:
+        """Value, lower and upper end of each parameter by its name."""
+        return {p.name: (p.value, p.low, p.high) for p in self.parameters}
+
+    def holds(self, effects: Iterable[Effect]) -> bool:
+        """Whether all of some effects are among its own."""
+        return {effect.name for effect in effects} <= {effect.name for effect in self.effects}
 
 
 def rank_causes(found: CandidateSet) -> list[Cause]:
@@ -98,7 +149,7 @@ def rank_causes(found: CandidateSet) -> list[Cause]:
     place = len([c for c in causes if c.probability >= unknown])
     if causes and sum(same) >= unknown:
         place = max(place, 1)
-    causes.insert(place, Cause("unknown", "Unknown", "unknown", unknown, "", {}, 0.0, False))
+    causes.insert(place, Cause("unknown", "Unknown", "unknown", unknown))
     return causes
 
 
@@ -134,11 +185,11 @@ def _form_alone(found: CandidateSet, causes: list[Cause]) -> bool:
     Or nearly all, and the other does not mend that: the two passed for noise by luck.
     """
     first = max(causes, key=lambda c: c.probability)
-    if " + " not in first.name:
+    if len(first.effects) < 2:
         return False
     left = found.residual_tests[first.name].excess
-    for h in found.hypotheses:
-        if h.name in first.name.split(" + "):
+    for h in found.with_effects(1):
+        if first.holds(h.effects):
             explained, alone = _explained(found, h), found.residual_tests[h.name].excess
             if explained > 1.0 - _TRACE or (explained > 1.0 - _FORM and left > _LEFT_BY_TWO * alone):
                 return True
@@ -152,7 +203,7 @@ def _with_two(found: CandidateSet, alone: list[Cause], exact: list[Cause]) -> li
     recordings tells which, so both have the same probability.
     """
     two = max(exact, key=lambda c: c.probability)
-    one = max((c for c in alone if c.name in two.name.split(" + ")), key=lambda c: c.probability)
+    one = max((c for c in alone if set(c.effects) <= set(two.effects)), key=lambda c: c.probability)
     if found.residual_tests[two.name].excess > _LEFT_BY_TWO * found.residual_tests[one.name].excess:
         return alone
     half = 0.5 * one.probability
@@ -188,23 +239,26 @@ def _explained(found: CandidateSet, hypothesis: Hypothesis) -> float:
 def _cause(found: CandidateSet, hypothesis: Hypothesis, probability: float, exact: bool = True) -> Cause:
     effects = hypothesis.effects
     kinds = {effect.kind for effect in effects}
-    kind = "parameters" if not effects else "measurement" if kinds == {"measurement"} else "effect"
-    width = half_width(hypothesis, exact)
     return Cause(
         hypothesis.name,
         " and ".join(e.title for e in effects) or "Parameters of the model",
-        kind,
+        "parameters" if not effects else "measurement" if kinds == {"measurement"} else "effect",
         probability,
         ", ".join(e.place for e in effects),
-        {
-            e.local(n): stamped(hypothesis, e.local(n), v)
-            for e in effects
-            for n, v in hypothesis.parameters_of(e, width).items()
-        },
+        tuple(estimate for e in effects for estimate in _estimates(hypothesis, e, exact)),
         _explained(found, hypothesis),
         exact,
         bool(effects) and all(effect.event_specific and effect.recording for effect in effects),
+        effects=tuple(NamedEffect.of(effect) for effect in effects),
     )
+
+
+def _estimates(hypothesis: Hypothesis, effect: Effect, exact: bool) -> Iterator[Estimate]:
+    """Values and intervals of the parameters of an effect, by the linear model."""
+    for name, interval in hypothesis.parameters_of(effect, half_width(hypothesis, exact)).items():
+        name = effect.local(name)
+        parameter = hypothesis.simulator.parameters[name]
+        yield Estimate.of(parameter, *stamped(hypothesis, name, interval))
 
 
 def stamped(

@@ -26,6 +26,7 @@ from scipy.signal import lfilter
 from scipy.stats import false_discovery_control, norm
 
 from errorscreen._runtime.sampling import generator
+from errorscreen._runtime.typed import Real
 from errorscreen.data.observations import Observation
 from errorscreen.discovery.fits.hypotheses import PRIOR
 from errorscreen.discovery.fits.noise import by_recording, noise_model
@@ -70,10 +71,10 @@ class Cell:
     recording: str
     channel: str
     stage: str
-    band: tuple[float, float]
-    ratio: float
-    expected: float
-    p_value: float
+    band: tuple[Real, Real]
+    ratio: Real
+    expected: Real
+    p_value: Real
     significant: bool
 
 

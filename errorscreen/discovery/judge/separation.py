@@ -9,6 +9,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from errorscreen._runtime.typed import Real
 from errorscreen.discovery.fits.hypotheses import Hypothesis
 from errorscreen.events import Event
 from errorscreen.exceptions import SimulationError
@@ -24,23 +25,53 @@ States = Mapping[tuple[str, str], NDArray[np.float64]]
 
 
 @dataclass(frozen=True)
+class Separation:
+    """How far explanations would differ in one channel of another event.
+
+    Parameters
+    ----------
+    event, channel : str
+    distance : float
+        Standard deviations of the noise (root of the sum of squares); the mean of all pairs.
+    """
+
+    event: str
+    channel: str
+    distance: Real
+
+
+@dataclass(frozen=True)
+class StateDifference:
+    """How far explanations differ in a state that was not recorded.
+
+    Parameters
+    ----------
+    device, state : str
+    share : float
+        Rms difference during the first recording, over the range of the state.
+    """
+
+    device: str
+    state: str
+    share: Real
+
+
+@dataclass(frozen=True)
 class Group:
-    """Explanations, or places of an unknown signal, that these recordings cannot tell apart.
+    """Explanations, or locations of an unknown input, that the recordings cannot tell apart.
 
     Parameters
     ----------
     names : tuple of str
-    separating : tuple of (str, str, float)
-        Event, channel and by how many standard deviations of the noise (root of the sum of squares) the explanations
-        would differ there, the best first; empty where no other event was given.
-    states : tuple of (str, str, float)
-        Device, state inside it that was not recorded, and by what share of its range the explanations differ in it
-        during the first recording, the best first; empty where they differ in none, or states cannot be seen.
+    separating : tuple of Separation
+        Other events that would tell them apart, the best first; empty where no other event was given.
+    states : tuple of StateDifference
+        States that would tell them apart if they were recorded, the best first.
     """
 
     names: tuple[str, ...]
-    separating: tuple[tuple[str, str, float], ...]
-    states: tuple[tuple[str, str, float], ...] = ()
+    separating: tuple[Separation, ...] = ()
+    states: tuple[StateDifference, ...] = ()
 
 
 def group_of(members: Sequence[Hypothesis], events: Iterable[Event]) -> Group:
@@ -57,8 +88,8 @@ def group_of(members: Sequence[Hypothesis], events: Iterable[Event]) -> Group:
     return Group(tuple(h.name for h in members), separating(members, events), differing(states))
 
 
-def separating(members: Sequence[Hypothesis], events: Iterable[Event]) -> tuple[tuple[str, str, float], ...]:
-    """Events and channels in which hypotheses differ most, see `Group.separating`; of several the mean of all pairs.
+def separating(members: Sequence[Hypothesis], events: Iterable[Event]) -> tuple[Separation, ...]:
+    """Channels of events in which hypotheses differ, the largest difference first.
 
     Parameters
     ----------
@@ -76,8 +107,9 @@ def separating(members: Sequence[Hypothesis], events: Iterable[Event]) -> tuple[
         for channel, noise, rows in zip(
             reference.channels, reference.noise, responses.swapaxes(0, 1), strict=True
         ):
-            found.append((event.name, channel, float(np.sqrt(_difference(rows).sum()) / noise)))
-    return tuple(sorted(found, key=lambda item: -item[2]))
+            distance = float(np.sqrt(_difference(rows).sum()) / noise)
+            found.append(Separation(event.name, channel, distance))
+    return tuple(sorted(found, key=lambda item: -item.distance))
 
 
 def states_of(simulator: Simulator, theta: ArrayLike, event: Event) -> States:
@@ -109,8 +141,8 @@ def device_name(simulator: Simulator, device: str) -> str:
     return device or getattr(getattr(simulator, "device", None), "name", "model")
 
 
-def differing(members: Sequence[States]) -> tuple[tuple[str, str, float], ...]:
-    """States in which explanations differ most, see `Group.states`.
+def differing(members: Sequence[States]) -> tuple[StateDifference, ...]:
+    """States in which explanations differ most, the largest difference first.
 
     Parameters
     ----------
@@ -121,16 +153,17 @@ def differing(members: Sequence[States]) -> tuple[tuple[str, str, float], ...]:
     --------
     >>> t = np.linspace(0.0, 1.0, 101)
     >>> differing([{("unit", "speed"): t, ("unit", "flux"): t}, {("unit", "speed"): 0.0 * t, ("unit", "flux"): t}])
-    (('unit', 'speed', 0.58),)
+    (StateDifference(device='unit', state='speed', share=0.58),)
     """
     found = []
     for key in set.intersection(*(set(states) for states in members)):
         rows = np.array([states[key] for states in members])
         width = float(np.ptp(rows, axis=1).max())
         if width > 0:
-            found.append((*key, round(float(np.sqrt(_difference(rows).mean()) / width), 2)))
-    found.sort(key=lambda item: (-item[2], item[:2]))
-    return tuple(item for item in found if item[2] >= _LEAST)[:_TOLD]
+            share = round(float(np.sqrt(_difference(rows).mean()) / width), 2)
+            found.append(StateDifference(*key, share))
+    found.sort(key=lambda item: (-item.share, item.device, item.state))
+    return tuple(item for item in found if item.share >= _LEAST)[:_TOLD]
 
 
 def _difference(rows: NDArray[np.float64]) -> NDArray[np.float64]:

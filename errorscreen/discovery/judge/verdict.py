@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,7 +32,7 @@ class Verdict:
         The reasons in plain words.
     """
 
-    kind: str
+    kind: Literal["within-noise", "parameters", "effect", "measurement", "unknown"]
     text: str
 
 

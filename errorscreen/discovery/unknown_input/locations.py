@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen._runtime.threads import parallel_map
+from errorscreen._runtime.typed import InMemory, Real, Series
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery.fits.halving import attempted, race
 from errorscreen.discovery.fits.hypotheses import SLICE, Hypothesis, JointFit
@@ -28,6 +29,8 @@ _MOVES = 0.5
 _FORM = 2.0
 #: how much more probable than another a place can be for its signal alone
 _SIMPLER = 3.0
+#: instants of a waveform in the result, at most
+_POINTS = 200
 
 _Array = NDArray[np.float64]
 
@@ -58,19 +61,37 @@ class InputLocation:
 
     device: str
     place: str
-    probability: float
-    chi2_per_sample: float
-    time: _Array
-    waveform: _Array
-    follows: tuple[tuple[str, float], ...]
+    probability: Real
+    chi2_per_sample: Real
+    time: Series
+    waveform: Series
+    follows: tuple[tuple[str, Real], ...]
     unit: str = "pu"
-    explained: float = 1.0
-    states: States = field(default_factory=dict, repr=False, compare=False)
+    explained: Real = 1.0
+    states: InMemory[States] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def name(self) -> str:
         """Port and device in words."""
         return f"{self.place} of the {self.device}"
+
+    def thinned(self) -> InputLocation:
+        """The same with at most 200 instants: the ends, and the extremes of each stretch between, so peaks stay.
+
+        Examples
+        --------
+        >>> place = InputLocation("unit", "Efd", 1.0, 1.0, np.arange(501.0), np.arange(501.0), ())
+        >>> len(place.thinned().time)
+        200
+        """
+        length = len(self.time)
+        if length <= _POINTS:
+            return self
+        kept = {0, length - 1}
+        for columns in np.array_split(np.arange(1, length - 1), (_POINTS - 2) // 2):
+            values = self.waveform[columns]
+            kept |= {int(columns[np.argmin(values)]), int(columns[np.argmax(values)])}
+        return replace(self, time=self.time[sorted(kept)], waveform=self.waveform[sorted(kept)])
 
     @property
     def text(self) -> str:

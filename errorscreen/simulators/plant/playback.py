@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from errorscreen.data import resampling
 from errorscreen.data.observations import Observation
+from errorscreen.data.preparation import Doubt
 from errorscreen.data.recordings import Recording
 from errorscreen.data.signals import scatter
 from errorscreen.events import Playback
@@ -164,7 +165,7 @@ def _warn_implausible(P: float, Q: float, where: str) -> list[str]:
     for note in notes:
         # the same place for every caller, so that the note is shown once in a run
         warnings.warn(f"{where}: {note}", DataWarning, stacklevel=2)
-    return notes
+    return [Doubt(note) for note in notes]
 
 
 def _filled(
