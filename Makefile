@@ -3,7 +3,7 @@ PYTHON ?= python3
 DEMO_OUT ?= errorscreen-demo
 PIP_INSTALL = -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: demo test lint check docs clean
+.PHONY: demo test lint check docs generated clean
 
 demo: .venv/installed
 	.venv/bin/errorscreen demo --out $(DEMO_OUT)
@@ -30,6 +30,10 @@ check: .venv-test/installed
 
 docs: .venv-test/installed
 	.venv-test/bin/sphinx-build -W --keep-going --quiet docs docs/_build/html
+
+# the tables of the documentation that follow from the package; the result is committed
+generated: .venv-test/installed
+	.venv-test/bin/python docs/_tools/pages.py
 
 clean:
 	rm -rf .venv .venv-test $(DEMO_OUT) build dist docs/_build docs/_generated docs/gallery docs/api/generated .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -7,7 +7,7 @@ from pathlib import Path
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
 
-from _tools import figures, pages
+from _tools import figures
 
 import errorscreen
 from errorscreen.engine import kernels
@@ -69,7 +69,6 @@ def escape_bars(app, what, name, obj, options, lines):
 
 
 def setup(app):
-    """Write the generated pages and figures before Sphinx looks for sources."""
-    pages.write_all(HERE / "_generated")
+    """Draw the figures of the pages before Sphinx looks for them."""
     figures.write_all(HERE / "_generated")
     app.connect("autodoc-process-docstring", escape_bars)

@@ -148,6 +148,10 @@ def _parser() -> argparse.ArgumentParser:
     diagnose.add_argument("case", metavar="CASE.toml", help="case file")
     diagnose.set_defaults(command=_diagnose, default_out=None, interrupted=resumable)
 
+    keys = commands.add_parser("keys", help="keys of a case file: default, allowed values, meaning")
+    keys.add_argument("section", nargs="?", metavar="SECTION", help="for example recording (default: all)")
+    keys.set_defaults(command=_keys, out=None, default_out=None, interrupted="")
+
     bench = commands.add_parser("bench", help="measure speed, or how well the methods work")
     kinds = bench.add_subparsers(required=True, metavar="KIND")
     speed = kinds.add_parser("speed", help="simulations, wavelet images and training per second")
@@ -250,6 +254,12 @@ def _diagnose(options: argparse.Namespace, out: str | None) -> None:
     case = case.model_copy(update=changes)
     folder = _case_folder(options, case, out, "diagnosis", within="diagnose")
     _study(lambda: Study.from_case(case), folder, options)
+
+
+def _keys(options: argparse.Namespace, out: None) -> None:
+    from errorscreen.cases import case_reference
+
+    print(case_reference(options.section))
 
 
 def _case_folder(

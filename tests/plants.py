@@ -3,10 +3,11 @@
 import numpy as np
 
 from errorscreen.events import Playback
+from errorscreen.models import DEVICES
 from errorscreen.simulators import PlantSimulator
 
 OPERATING_POINT = {"V": 1.0, "P": 0.7, "Q": 0.15}
-DEVICE_NAMES = ("synchronous_machine", "dfig_plant", "pv_plant")
+DEVICE_NAMES = tuple(DEVICES)
 
 
 def dip(depth=0.55, duration=0.15, stop=4.0, dt=1 / 60, swing=0.25):

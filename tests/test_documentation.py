@@ -18,7 +18,7 @@ from numpydoc.validate import validate
 from pydantic import BaseModel
 
 import errorscreen
-from errorscreen.effects import LIBRARY
+from errorscreen.effects import EFFECTS
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -134,10 +134,8 @@ def test_every_effect_of_a_device_has_a_section_with_its_port_and_title(monkeypa
     assert len({heading.lower() for heading, *_ in sections}) == len(sections)
     assert len({file for _, file, *_ in sections}) == len(sections)
     texts = [pages.effect_text(*section) for section in sections]
-    for device, library in LIBRARY.items():
-        for effect in library:
-            if effect.kind == "latent":
-                continue
+    for effect in EFFECTS.values():
+        for device in effect.devices if effect.kind != "latent" else ():
             start = f"### `{effect.name}`"
             (text,) = (text for text in texts if text.startswith(start) and f"`{device}`" in text)
             assert text.partition("\n")[0].endswith(f": {effect.title}")

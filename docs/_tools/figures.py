@@ -1,16 +1,37 @@
-"""Figures of the documentation: those that an example makes go into the gallery, others are drawn for their page."""
+"""Figures of the documentation: of the examples for the gallery, and of single pages."""
 
+import numpy as np
+from _tools.pages import effect_sections
 from matplotlib.figure import Figure
 from sphinx_gallery.scrapers import figure_rst
 
+from errorscreen.bench.plant_scenarios import FIT, OPERATING_POINT, RATE, START, STOP, GridSide
 from errorscreen.cases import load_ieee39
 from errorscreen.cases.ieee39_data import POSITIONS
-from errorscreen.plotting import plot_system
+from errorscreen.events import Playback
+from errorscreen.plotting import plot_signature, plot_system
+from errorscreen.simulators import LoadUnderTest, PlantSimulator
+
+#: events of the signatures: those of the study's scenarios, and two that bring limiters and protection into action
+_SIDES = (*FIT, GridSide("low for two seconds", 0.6, 2.0), GridSide("high to the end", step=0.12))
+#: bus of the load whose effects are drawn
+_LOAD_BUS = 4
 
 
 def write_all(folder):
-    """Draw every figure that stands on a page."""
+    """Draw the 39-bus system, and the changes by each effect of the library."""
+    folder.mkdir(exist_ok=True)
     plot_system(load_ieee39(), positions=POSITIONS).savefig(folder / "ieee39_system.png", dpi=150)
+    grid = load_ieee39(loads=[LoadUnderTest(_LOAD_BUS)])
+    time = np.arange(0, STOP, 1 / RATE)
+    events = [Playback(time, side.name, START, side.signals(time), OPERATING_POINT) for side in _SIDES]
+    for _, file, effect, devices in effect_sections():
+        if effect.kind == "event" or devices == ("load",):
+            figure = plot_signature(grid, f"load_{_LOAD_BUS}.{effect.name}" if devices else effect.name)
+        else:
+            plant = PlantSimulator(next(iter(devices), "synchronous_machine"), events[0])
+            figure = plot_signature(plant, effect.name, events)
+        figure.savefig(folder / file, dpi=80)
 
 
 def scrape(block, block_vars, gallery_conf):

@@ -1,40 +1,43 @@
-"""Pages of the documentation that are computed or read off the package, so that nothing is typed twice."""
+"""Tables of the documentation that follow from the package: ``python docs/_tools/pages.py`` renews them in all pages.
+
+A page holds a table between ``<!-- generated: NAME -->`` and ``<!-- end -->``.
+"""
 
 import contextlib
 import io
 import json
+import os
 import re
 from collections import Counter
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 
 from errorscreen._runtime.sampling import latin_hypercube
-from errorscreen.bench.plant_scenarios import FIT, OPERATING_POINT, RATE, START, STOP, GridSide
 from errorscreen.bench.speed import dip_event
 from errorscreen.cases import case_reference, ieee39_events, load_ieee39
 from errorscreen.cli import main
 from errorscreen.data.units import UNITS
 from errorscreen.effects import (
+    EFFECTS,
     FAULT_DURATION,
     FAULT_IMPEDANCE,
-    LIBRARY,
     branch_trip,
     common_skew,
+    effects_of,
     measurement_effects,
 )
 from errorscreen.effects.generic.library import TEXTS
-from errorscreen.events import Playback
 from errorscreen.models import DEVICES, LOAD
-from errorscreen.plotting import plot_signature
-from errorscreen.simulators import LoadUnderTest, PlantSimulator
+from errorscreen.simulators import PlantSimulator
 from errorscreen.simulators.base import REMEDIES, Status
 
 DOCS = Path(__file__).parents[1]
 #: step in ms that others are compared with, and those that are compared
 FINE, STEPS = 0.25, (10.0, 5.0, 2.5, 1.0)
 CASE_STEPS = (0.5, 5.0, 2.5, 1.0)
-#: tables that take too long for a build of the documentation, and what renews them
+#: tables of long measurements in docs/tables, and the commands that renew them
 MEASURED = {
     "speed": "errorscreen bench speed",
     "paper": "errorscreen bench paper --draws 100 --seed 2026 --noise-db 40",
@@ -64,29 +67,35 @@ PAPER_FIGURES = (
 PARAMETER_HEADER = ("name", "symbol", "unit", "typical", "bounds", "meaning")
 
 
-def write_all(folder):
-    """Write every page that differs from what is there."""
-    folder.mkdir(exist_ok=True)
-    texts = {f"{name}.md": device_page(device) for name, device in DEVICES.items()}
-    texts["load.md"] = load_page()
-    texts |= {
-        "steps.md": step_errors(),
-        "effects.md": effect_table(folder),
-        "generic_effects.md": generic_table(),
-        "case_keys.md": case_reference(),
-        "commands.md": commands(),
-        "units.md": unit_table(),
-        "status.md": status_table(),
-        "result.md": result_table(),
-        **{f"{name}.md": published(name, command) for name, command in MEASURED.items()},
-        "paper_figures.md": paper_figures(),
-        "ieee39_effects.md": case_effects(),
-        "ieee39_steps.md": case_step_errors(),
-    }
-    for name, text in texts.items():
-        path = folder / name
-        if not path.exists() or path.read_text(encoding="utf-8") != text:
-            path.write_text(text, encoding="utf-8")
+#: a table in a page: its name and its text
+MARKED = re.compile(r"<!-- generated: (\w+) -->\n(.*?)<!-- end -->", re.DOTALL)
+#: a row of a device's table: parameter, and by how much P and Q move
+MOVED = re.compile(r"^\| `(\w+)` \|.* \| ([\d.]+) \| ([\d.]+) \|$", re.MULTILINE)
+
+
+def renewed(page, computed=True):
+    """Text of a page with its tables as they should be; without `computed`, numbers of simulations stay as they are."""
+
+    def block(match):
+        name, old = match.groups()
+        if name in DEVICES:
+            moved = parameter_effects(DEVICES[name]) if computed else {n: m for n, *m in MOVED.findall(old)}
+            text = device_tables(DEVICES[name], moved)
+        elif name in COMPUTED:
+            text = COMPUTED[name]() if computed else old
+        elif name in MEASURED:
+            text = published(name, MEASURED[name])
+        else:
+            text = DECLARED[name]()
+        return f"<!-- generated: {name} -->\n{text.strip()}\n<!-- end -->"
+
+    return MARKED.sub(block, page.read_text(encoding="utf-8"))
+
+
+def pages():
+    """Pages that hold tables."""
+    found = (page for folder in (DOCS, *DOCS.iterdir()) for page in sorted(folder.glob("*.md")))
+    return [page for page in found if MARKED.search(page.read_text(encoding="utf-8"))]
 
 
 def table(header, rows):
@@ -108,18 +117,14 @@ def parameter_cells(name, p):
     return f"`{name}`", math(p.symbol), p.unit, f"{p.nominal:g}", bounds, p.description
 
 
-def device_page(device):
-    """Tables of one device: candidates with what they move, constants, ports, effects."""
-    change = parameter_effects(device)
-    candidates = [
-        (*parameter_cells(p.name, p), *(f"{1e3 * value:.2f}" for value in change[p.name]))
-        for p in device.candidates
-    ]
+def device_tables(device, moved):
+    """Tables of one device: candidates with the changes that they cause, constants, ports, effects."""
+    candidates = [(*parameter_cells(p.name, p), *moved[p.name]) for p in device.candidates]
     channels = [(f"`channel.{n}`", f"measured {n}, in pu", "") for n in device.outputs]
     return "\n".join(
         [
             "## Candidate parameters\n",
-            "What can be screened and calibrated. The last two columns are the rms changes of P and Q, in 10⁻³ pu, "
+            "These can be screened and calibrated. The last two columns are the rms changes of P and Q, in 10⁻³ pu, "
             "when the parameter is 10 % above its typical value and a dip of the voltage to 0.45 pu is played back for "
             "5 s.\n",
             table((*PARAMETER_HEADER, "P moves by", "Q moves by"), candidates),
@@ -127,14 +132,14 @@ def device_page(device):
             "Stated in a case file or with `constants=`; never calibrated.\n",
             constant_table(device),
             "## Ports\n",
-            "Where an effect may act, and the effects of the library that act there.\n",
+            "An effect may act at a port. The last column names the library's effects there.\n",
             table(("port", "quantity", "effects"), [*port_rows(device), *channels]),
             states_and_source(device),
         ]
     )
 
 
-def load_page():
+def load_tables():
     """Tables of a load in a grid, which has no candidates."""
     return "\n".join(
         [
@@ -149,16 +154,19 @@ def load_page():
 
 
 def constant_table(device):
-    """What a device needs besides its candidates."""
+    """Constants of a device beside its candidates."""
     rows = [(f"`{c.name}`", c.unit, f"{c.value:g}", c.description) for c in device.constants]
     return table(("name", "unit", "value", "meaning"), rows)
 
 
 def port_rows(device):
     """Ports with the effects that act on them."""
-    library = LIBRARY[device.name]
     for port, text in device.ports.items():
-        names = (f"`{e.name}`" for e in library if port in (e.port, *e.beside) and e.kind != "latent")
+        names = (
+            f"`{e.name}`"
+            for e in effects_of(device.name)
+            if port in (e.port, *e.beside) and e.kind != "latent"
+        )
         yield f"`{port}`", text, ", ".join(names)
 
 
@@ -167,69 +175,72 @@ def states_and_source(device):
     return f"States: {', '.join(f'`{s}`' for s in device.states)}. Source: {device.source}.\n"
 
 
-def parameter_effects(device):
-    """Rms change of P and Q in pu for each parameter at 1.1 times nominal."""
-    plant = PlantSimulator(device, dip_event())
-    nominal = plant.parameters.nominal
-    rows = np.vstack([nominal, nominal + np.diag(0.1 * nominal)])
-    values = plant.simulate(rows).require_ok().values
+def moves(simulator, form):
+    """Rms change of each channel, as text in 10⁻³ pu, for each parameter at 1.1 times its nominal value."""
+    nominal = simulator.parameters.nominal
+    values = simulator.simulate(np.vstack([nominal, nominal + np.diag(0.1 * nominal)])).require_ok().values
     rms = np.sqrt(np.mean((values[1:] - values[0]) ** 2, axis=-1))
-    return dict(zip(plant.parameters.names, rms, strict=True))
+    return [[format(1e3 * value, form) for value in line] for line in rms]
+
+
+def parameter_effects(device):
+    """Changes of P and Q by each parameter of a device."""
+    plant = PlantSimulator(device, dip_event())
+    return dict(zip(plant.parameters.names, moves(plant, ".2f"), strict=True))
+
+
+def error_cells(exact, others):
+    """Largest and largest rms error of a channel (n, L) for each other step."""
+    for values in others:
+        error = values - exact
+        yield f"{np.abs(error).max():.1e} ({np.sqrt(np.mean(error**2, axis=-1)).max():.1e})"
+
+
+def drawn(space):
+    """Nominal parameters and 31 draws inside the bounds."""
+    theta = latin_hypercube(space, 32, 0)
+    theta[0] = space.nominal
+    return theta
 
 
 def step_errors():
-    """Largest and largest rms error of P and Q by step, over the typical parameters and 31 draws inside the bounds."""
+    """Errors of P and Q by step, over 32 parameter vectors of each device."""
     rows = []
     for device in DEVICES.values():
+        theta = drawn(device.candidates)
         plants = [PlantSimulator(device, dip_event(), step=step / 1e3) for step in (FINE, *STEPS)]
-        theta = latin_hypercube(device.candidates, 32, 0)
-        theta[0] = device.candidates.nominal
-        exact, *others = (plant.simulate(theta).require_ok(device.name) for plant in plants)
-        for r, channel in enumerate(exact.channels):
-            errors = [y.values[:, r] - exact.values[:, r] for y in others]
-            rms = [np.sqrt(np.mean(e**2, axis=-1)).max() for e in errors]
-            cells = (f"{np.abs(e).max():.1e} ({s:.1e})" for e, s in zip(errors, rms, strict=True))
-            rows.append((f"`{device.name}`", channel, *cells))
+        exact, *others = (plant.simulate(theta).require_ok(device.name).values for plant in plants)
+        for r, channel in enumerate(plants[0].channels):
+            rows.append((f"`{device.name}`", channel, *error_cells(exact[:, r], [y[:, r] for y in others])))
     return table(("device", "channel", *(f"{step:g} ms" for step in STEPS)), rows)
 
 
 def case_effects():
-    """Rms change of each channel of the 39-bus case for each parameter at 1.1 times nominal."""
+    """Changes of each channel of the 39-bus case by each parameter."""
     system = load_ieee39()
-    nominal = system.parameters.nominal
-    values = system.simulate(np.vstack([nominal, nominal + np.diag(0.1 * nominal)])).require_ok().values
-    rms = np.sqrt(np.mean((values[1:] - values[0]) ** 2, axis=-1))
     rows = [
-        (f"`{p.device}`", f"`{p.name}`", *(f"{1e3 * value:.3f}" for value in line))
-        for p, line in zip(system.parameters, rms, strict=True)
+        (f"`{p.device}`", f"`{p.name}`", *line)
+        for p, line in zip(system.parameters, moves(system, ".3f"), strict=True)
     ]
     return table(("device", "parameter", *(f"{name} moves by" for name in system.channels)), rows)
 
 
 def case_step_errors():
-    """Largest and largest rms error of U and P by event, over the nominal parameters and 31 draws."""
+    """Errors of U and P by event and step, over 32 parameter vectors."""
     systems = [load_ieee39(step=step / 1e3) for step in CASE_STEPS]
-    space = systems[0].parameters
-    theta = latin_hypercube(space, 32, 0)
-    theta[0] = space.nominal
+    theta = drawn(systems[0].parameters)
     rows = []
     for name, event in ieee39_events().items():
         exact, *others = (system.simulate(theta, event).require_ok(name).values for system in systems)
         for r, channel in enumerate(systems[0].channels):
-            errors = [y[:, r] - exact[:, r] for y in others]
-            rms = [np.sqrt(np.mean(e**2, axis=-1)).max() for e in errors]
-            cells = (f"{np.abs(e).max():.1e} ({s:.1e})" for e, s in zip(errors, rms, strict=True))
-            rows.append((name, channel, f"{np.ptp(exact[:, r], axis=-1).max():.2g}", *cells))
-    header = (f"{step:g} ms" for step in CASE_STEPS[1:])
-    return table(("event", "channel", "range", *header), rows)
+            size = f"{np.ptp(exact[:, r], axis=-1).max():.2g}"
+            rows.append((name, channel, size, *error_cells(exact[:, r], [y[:, r] for y in others])))
+    return table(("event", "channel", "range", *(f"{step:g} ms" for step in CASE_STEPS[1:])), rows)
 
 
+_COMMANDS = (("demo",), ("run",), ("diagnose",), ("keys",))
 _BENCHES = ("speed", "paper", "discovery")
-#: events of the signatures: those that hidden scenarios are fitted to, and two that make limiters and protection act
-_SIDES = (*FIT, GridSide("low for two seconds", 0.6, 2.0), GridSide("high to the end", step=0.12))
-#: where the effects of a load act in their figures
-LOAD_BUS = 4
-#: what effects that belong to no device act on
+#: where effects that belong to no device act
 _OF = {"measurement": "every simulator, for each of its channels", "event": "grids, for a fault"}
 
 
@@ -238,16 +249,11 @@ def effect_sections():
 
     Effects of one name that differ from device to device have a section each, told apart by the devices.
     """
-    devices = {}
-    for device, library in LIBRARY.items():
-        for effect in library:
-            if effect.kind != "latent":
-                devices.setdefault(effect, []).append(device)
     outside = *measurement_effects(["P"]), common_skew(), FAULT_DURATION, FAULT_IMPEDANCE, branch_trip((3, 4))
-    devices |= {effect: [] for effect in outside}
-    sections_of = Counter(effect.name for effect in devices)
-    for effect, names in devices.items():
-        alone = sections_of[effect.name] == 1
+    found = [effect for effect in (*EFFECTS.values(), *outside) if effect.kind != "latent"]
+    sections_of = Counter(effect.name for effect in found)
+    for effect in found:
+        names, alone = effect.devices, sections_of[effect.name] == 1
         heading = f"`{effect.name}`" if alone else f"`{effect.name}` of {code_list(names)}"
         file = "-".join(("effect", effect.name, *(() if alone else names))) + ".png"
         yield f"{heading}: {effect.title}", file, effect, names
@@ -263,7 +269,7 @@ def effect_text(heading, file, effect, devices):
             f"{code_list(devices) or _OF[effect.kind]}. Easily confused with "
             f"{'; '.join(effect.confused_with)}. Source: {effect.source}.\n",
             table(PARAMETER_HEADER, parameters),
-            f"![What {' of '.join((effect.name, *devices[:1]))} changes](../_generated/{file})\n",
+            f"![Changes by {' of '.join((effect.name, *devices[:1]))}](../_generated/{file})\n",
         ]
     )
 
@@ -273,21 +279,9 @@ def code_list(names):
     return ", ".join(f"`{name}`" for name in names)
 
 
-def effect_table(folder):
-    """Effects of the library with the devices they fit, and a figure of what each changes."""
-    grid = load_ieee39(loads=[LoadUnderTest(LOAD_BUS)])
-    time = np.arange(0, STOP, 1 / RATE)
-    events = [Playback(time, side.name, START, side.signals(time), OPERATING_POINT) for side in _SIDES]
-    text = []
-    for heading, file, effect, devices in effect_sections():
-        if effect.kind == "event" or devices == ["load"]:
-            figure = plot_signature(grid, f"load_{LOAD_BUS}.{effect.name}" if devices else effect.name)
-        else:
-            plant = PlantSimulator(next(iter(devices), "synchronous_machine"), events[0])
-            figure = plot_signature(plant, effect.name, events)
-        figure.savefig(folder / file, dpi=80)
-        text.append(effect_text(heading, file, effect, devices))
-    return "\n".join(text)
+def effect_table():
+    """Effects of the library with the devices they fit."""
+    return "\n".join(effect_text(*section) for section in effect_sections())
 
 
 def generic_table():
@@ -297,15 +291,16 @@ def generic_table():
         words = {"s": "s", "v": "v", "into": ""}
         others = "; ".join(confused).format(**words)
         rows.append((f"`{name}`", title, f"`{formula}`", description.format(**words), others, source))
-    return table(("template", "", "equation", "what it means", "confused with", "source"), rows)
+    return table(("template", "", "equation", "meaning", "confused with", "source"), rows)
 
 
 def commands():
     """Help texts of the command line."""
     text = []
-    for words in ((), ("demo",), ("run",), ("diagnose",), *(("bench", kind) for kind in _BENCHES)):
+    for words in ((), *_COMMANDS, *(("bench", kind) for kind in _BENCHES)):
         output = io.StringIO()
-        with contextlib.redirect_stdout(output), contextlib.suppress(SystemExit):
+        width = patch.dict(os.environ, COLUMNS="80")
+        with width, contextlib.redirect_stdout(output), contextlib.suppress(SystemExit):
             main([*words, "--help"])
         text.append(
             f"## `{' '.join(('errorscreen', *words))}`\n\n```text\n{output.getvalue().strip()}\n```\n"
@@ -320,7 +315,7 @@ def unit_table():
 
 
 def status_table():
-    """What can become of a simulation, and what to do about it."""
+    """Status of a simulation with its remedy."""
     return table(("status", "remedy"), [(f"`{s.name}`", REMEDIES[s] or "none needed") for s in Status])
 
 
@@ -335,13 +330,32 @@ def result_table():
 
 
 def published(name, command):
-    """Table that a long measurement has left, or the command for it where it has not been run."""
+    """Table of a long measurement, or the command for it where it has not been run."""
     path = DOCS / "tables" / f"{name}.md"
     return path.read_text(encoding="utf-8") if path.exists() else f"```text\n{command}\n```\n"
 
 
 def paper_figures():
-    """Those figures of the case study that have been drawn."""
+    """Figures of the case study that have been drawn."""
     captions = {f"paper-figure{k}.png": caption for k, caption in enumerate(PAPER_FIGURES, start=1)}
     there = [(file, caption) for file, caption in captions.items() if (DOCS / "images" / file).exists()]
     return "\n".join(f"![{caption}](../images/{file})\n\n{caption}.\n" for file, caption in there)
+
+
+#: tables by name: those of one call, and those that take simulations
+DECLARED = {
+    "case_keys": case_reference,
+    "commands": commands,
+    "effects": effect_table,
+    "generic_effects": generic_table,
+    "load": load_tables,
+    "paper_figures": paper_figures,
+    "result": result_table,
+    "status": status_table,
+    "units": unit_table,
+}
+COMPUTED = {"steps": step_errors, "ieee39_effects": case_effects, "ieee39_steps": case_step_errors}
+
+if __name__ == "__main__":
+    for page in pages():
+        page.write_text(renewed(page), encoding="utf-8")

@@ -20,7 +20,7 @@ from errorscreen.bench.scenarios import (
 )
 from errorscreen.data.observations import Observation
 from errorscreen.data.recordings import Recording
-from errorscreen.effects import LIBRARY, Effect, common_skew, measurement_effects
+from errorscreen.effects import Effect, common_skew, effects_of, measurement_effects
 from errorscreen.engine.vmath import smooth_step
 from errorscreen.events import Playback
 from errorscreen.models import DEVICES
@@ -125,7 +125,7 @@ def _draw_effects(
     kind: str, device: str, rng: np.random.Generator
 ) -> tuple[tuple[Effect, ...], tuple[str, ...]]:
     """Hidden effects and the names that are right."""
-    mechanisms = [e for e in LIBRARY[device] if e.kind == "mechanism"]
+    mechanisms = [e for e in effects_of(device) if e.kind == "mechanism"]
     if kind == "nothing":
         return (), ()
     if kind == "effect":
@@ -148,7 +148,7 @@ def _draw_effects(
 def _truth(device: str) -> PlantSimulator:
     """Simulator of hidden truths, with every effect of the library and all that only truths have."""
     own = (*(e for e, _ in OTHER_FORMS[device]), *OUTSIDE[device])
-    mechanisms = tuple(e for e in LIBRARY[device] if e.kind == "mechanism")
+    mechanisms = tuple(e for e in effects_of(device) if e.kind == "mechanism")
     event = _fine_event(FIT[0])
     return PlantSimulator(
         device, event, step=TRUTH_STEP, effects=(*mechanisms, *own, *_faults(device)), n_threads=1

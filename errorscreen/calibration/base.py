@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -45,7 +45,11 @@ class BaseCalibrator(Displayed, BaseEstimator, ABC):
         Fitted recordings.
     n_simulations_, n_failed_ : int
         Simulations of the fit, and how many of them failed.
+    selects : bool
+        Whether a case file calibrates each screener's selection with it; otherwise all parameters.
     """
+
+    selects: ClassVar[bool] = True
 
     simulator: Simulator
     theta_: NDArray[np.float64]
@@ -66,6 +70,25 @@ class BaseCalibrator(Displayed, BaseEstimator, ABC):
         y : None
             Not used, present for scikit-learn.
         """
+
+    @classmethod
+    def from_case(
+        cls, simulator: Simulator, names: Sequence[str] | None, section: Any, run: Any, progress: bool = False
+    ) -> Self:
+        """Unfitted calibrator for a case file.
+
+        Parameters
+        ----------
+        simulator : Simulator
+        names : sequence of str or None
+            Parameters to calibrate; None for all.
+        section, run : CalibrationSection, RunSection
+            Sections of the case file. Without an override only `run.random_state` is used.
+        progress : bool
+            Show progress bars.
+        """
+        options = {"names": names, "random_state": run.random_state, "progress": progress}
+        return cls(simulator, **{k: v for k, v in options.items() if k in cls._get_param_names()})
 
     def predict(self, event: Any = None) -> NDArray[np.float64]:
         """Response of the calibrated simulator.

@@ -1,4 +1,4 @@
-"""Cases: what to compare with what, from a file or ready-made."""
+"""Cases: recordings and models to compare, from a file or ready-made."""
 
 from errorscreen.cases.case_file import Case, case_reference, load_case
 from errorscreen.cases.ieee39 import ieee39_events, load_ieee39

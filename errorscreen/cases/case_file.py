@@ -1,14 +1,13 @@
-"""Case files: a recording, a model and what to do with them, in TOML."""
+"""Case files in TOML: recordings, a model, and the stages of a study."""
 
 from __future__ import annotations
 
 import os
 import tomllib
 from pathlib import Path
-from types import UnionType
-from typing import Any, Union, get_args, get_origin
+from typing import Any
 
-from pydantic import BaseModel, Field, PrivateAttr, ValidationError
+from pydantic import PrivateAttr, ValidationError
 
 from errorscreen.cases.case_models import (
     CalibrationSection,
@@ -18,32 +17,18 @@ from errorscreen.cases.case_models import (
     ScreeningSection,
     SimulationSection,
 )
+from errorscreen.cases.key_errors import explained, placed
+from errorscreen.cases.keys import key_tables
 from errorscreen.cases.model_sections import EVENTS, DeviceSection, GridSection
-from errorscreen.cases.section import Section
+from errorscreen.cases.section import Section, setting
 from errorscreen.data.recordings import Recording
-from errorscreen.exceptions import InputError, check_integer, unknown_name
+from errorscreen.exceptions import InputError, check_integer
 from errorscreen.parameters import ParameterSpace
 
-#: Lists of further recordings, in the order in which a study has them.
+#: lists of further recordings, in the order of a study
 _FURTHER = ("together", "held_out")
-#: Keys of [recording] that a further recording does not take over.
+#: keys of [recording] that a further recording does not take over
 _OWN = ("path", "name", "event_time", "t_start", "t_end", "load_level", *EVENTS)
-#: What pydantic's kinds of error allow, in words.
-_ALLOWED = {
-    "float_type": "a number",
-    "int_type": "a whole number",
-    "string_type": "text in quotes",
-    "bool_type": "true or false",
-    "list_type": "a list",
-    "dict_type": "a table",
-    "model_type": "a table",
-    "finite_number": "a finite number",
-    "greater_than": "a number > {gt:g}",
-    "greater_than_equal": "a number >= {ge:g}",
-    "less_than": "a number < {lt:g}",
-    "less_than_equal": "a number <= {le:g}",
-    "too_short": "at least {min_length} entry",
-}
 
 
 class Case(Section):
@@ -59,15 +44,15 @@ class Case(Section):
     (1.33, 0.0025)
     """
 
-    title: str = Field(default="", description="for the report")
+    title: str = setting("", "for the report")
     recording: RecordingSection
-    together: list[RecordingSection] = Field(
-        default=[],
-        description="further recordings of the same unit that the search for causes fits together with [recording]; "
-        "keys not given are those of [recording]",
+    together: list[RecordingSection] = setting(
+        [],
+        "further recordings of the same unit that the search for causes fits together with [recording]; keys "
+        "not given are those of [recording]",
     )
-    held_out: list[RecordingSection] = Field(
-        default=[], description="further recordings to judge on; keys not given are those of [recording]"
+    held_out: list[RecordingSection] = setting(
+        [], "further recordings to judge on; keys not given are those of [recording]"
     )
     device: DeviceSection | None = None
     grid: GridSection | None = None
@@ -86,7 +71,7 @@ class Case(Section):
 
     @property
     def source(self) -> str:
-        """What a message calls the case file; empty for a case that was made in Python."""
+        """Name of the case file in messages; empty for a case that was made in Python."""
         return self._source
 
     @property
@@ -103,27 +88,26 @@ class Case(Section):
         Raises
         ------
         InputError
-            If there is neither device nor grid, or both, the device, a parameter or a constant is unknown, a range
-            excludes its nominal value, or more parameters are to be selected than there are.
+            If there is neither device nor grid, or both; a parameter or a constant is unknown; a range excludes its
+            nominal value; or `top_k` is larger than the number of parameters.
         """
-        if (self.device is None) == (self.grid is None):
-            found = (
-                "neither [device] nor [grid] is" if self.device is None else "[device] and [grid] are both"
-            )
+        models = [model for model in (self.device, self.grid) if model is not None]
+        if len(models) != 1:
+            found = "[device] and [grid] are both" if models else "neither [device] nor [grid] is"
             raise InputError(f"{found} given", allowed="one of the two")
-        space = (self.device or self.grid).space()  # type: ignore[union-attr]
+        space = models[0].space()
         if self.screening.top_k is not None:
             check_integer(self.screening.top_k, "screening.top_k", high=len(space))
         return space
 
     def check_events(self) -> None:
-        """Refuse recordings of a grid that do not say what happened and when, and of a device that do.
+        """Refuse a recording of a grid without its event, and a recording of a device with one.
 
         Raises
         ------
         InputError
-            If a recording of a grid has no `event_time`, or not one of `EVENTS`, or one of a device has something of
-            that.
+            If a recording of a grid has no `event_time` or not exactly one of `EVENTS`, or a recording of a device has
+            an event or a load level.
         """
         for where, section in self.recordings.items():
             found = list(section.events)
@@ -145,7 +129,7 @@ class Case(Section):
                 )
 
     def check_apart(self) -> None:
-        """Refuse a recording that is given twice: what is fitted cannot confirm what was fitted.
+        """Refuse a recording that is given twice: the fitted recording cannot confirm its own fit.
 
         Raises
         ------
@@ -160,21 +144,24 @@ class Case(Section):
                     f"{section.path!r} is the file of {seen[window]} too",
                     where=where,
                     allowed="each recording once: as [recording], in [[together]] or in [[held_out]]",
-                    remedy="What is fitted cannot confirm what was fitted: leave one of them out",
+                    remedy="A fitted recording cannot confirm the fit: leave one of them out",
                 )
             seen[window] = where
 
     def load_recording(self) -> Recording:
-        """Read the recording; for errors see `errorscreen.data.read_csv`."""
-        return self.recording.load(self.folder, self.simulation.dt)
+        """Read the recording; for errors see `errorscreen.data.read_recording`."""
+        return self._read([self.recording])[0]
 
     def load_together(self) -> tuple[Recording, ...]:
         """Read the recordings that are fitted together with the first one."""
-        return tuple(section.load(self.folder, self.simulation.dt) for section in self.together)
+        return self._read(self.together)
 
     def load_held_out(self) -> tuple[Recording, ...]:
         """Read the recordings to judge on."""
-        return tuple(section.load(self.folder, self.simulation.dt) for section in self.held_out)
+        return self._read(self.held_out)
+
+    def _read(self, sections: list[RecordingSection]) -> tuple[Recording, ...]:
+        return tuple(section.load(self.folder, self.simulation.dt) for section in sections)
 
 
 def load_case(path: str | os.PathLike[str]) -> Case:
@@ -188,7 +175,7 @@ def load_case(path: str | os.PathLike[str]) -> Case:
     Raises
     ------
     InputError
-        If something cannot be used; it says the file, the key, what was found and what is allowed.
+        If the file cannot be used; with file, key, found and allowed value.
     """
     path = Path(path)
     source = f"case file {path}"
@@ -201,25 +188,38 @@ def load_case(path: str | os.PathLike[str]) -> Case:
         case.check_events()
         case.check_apart()
     except ValidationError as error:
-        raise _explain(error, source) from None
+        raise explained(error, Case, _FURTHER, source) from None
     except InputError as error:
-        raise _placed(error, source) from None
+        raise placed(error, source) from None
     return case
 
 
-def case_reference() -> str:
-    """Table of all sections and keys in Markdown, for the documentation."""
-    lines = []
-    for title, model in _sections():
-        lines += [f"### `{title}`", "", f"{(model.__doc__ or '').strip().splitlines()[0]}", ""]
-        lines += ["| key | default | allowed | meaning |", "|---|---|---|---|"]
-        schemas = model.model_json_schema()["properties"]
-        for key, field in model.model_fields.items():
-            if field.description and _nested(field.annotation) is None:
-                default = "required" if field.is_required() else f"`{_toml(field.default)}`"
-                lines.append(f"| `{key}` | {default} | {_allowed(schemas[key])} | {field.description} |")
-        lines.append("")
-    return "\n".join(lines)
+def case_reference(section: str | None = None) -> str:
+    """Key tables of a case file in Markdown.
+
+    Parameters
+    ----------
+    section : str, optional
+        Only this section and those below it, for example ``"recording"``; all where not given.
+
+    Raises
+    ------
+    InputError
+        If there is no such section.
+
+    Examples
+    --------
+    >>> print(case_reference("simulation").strip())
+    ### `[simulation]`
+    <BLANKLINE>
+    How the model is integrated.
+    <BLANKLINE>
+    | key | default | allowed | meaning |
+    |---|---|---|---|
+    | `step` | `0.0025` | > 0 | longest integration step in s |
+    | `dt` | `none` | > 0 | step in s at which signals are compared; that of the recording if not given |
+    """
+    return key_tables(Case, section)
 
 
 def _parse(path: Path, source: str) -> dict[str, Any]:
@@ -247,111 +247,3 @@ def _inherit(data: dict[str, Any]) -> None:
     for key in _FURTHER:
         if isinstance(data.get(key), list):
             data[key] = [{**common, **o} if isinstance(o, dict) else o for o in data[key]]
-
-
-def _placed(error: InputError, source: str) -> InputError:
-    where = f"{source}, {error.where}" if error.where else source
-    return InputError(error.what, where=where, allowed=error.allowed, remedy=error.remedy)
-
-
-def _explain(error: ValidationError, source: str) -> InputError:
-    """One of pydantic's errors in the words of this package, with the number of the others.
-
-    Unknown keys come first: a misspelt key is also missing. What further recordings take over is counted once.
-    """
-    own = [e for e in error.errors() if e["loc"][0] == "recording"]
-    tails = [e["loc"][1:] for e in own]
-    errors = [e for e in error.errors() if e["loc"][0] not in _FURTHER or e["loc"][2:] not in tails]
-    first = min(errors, key=lambda e: e["type"] != "extra_forbidden")
-    location, kind, found = first["loc"], first["type"], first["input"]
-    remedy = f"{len(errors) - 1} further keys are wrong" if len(errors) > 1 else None
-    where = f"{source}, {_key(location)}" if location else source
-    if kind == "missing":
-        above = f"{source}, [{_key(location[:-1])}]" if location[:-1] else source
-        return InputError(f"{_noun(location)} {location[-1]!r} is missing", where=above, remedy=remedy)
-    if kind == "extra_forbidden":
-        return _unknown_key(location, source, remedy)
-    context = first.get("ctx", {})
-    cause = context.get("error")
-    if isinstance(cause, InputError):
-        return InputError(cause.what, where=where, allowed=cause.allowed, remedy=cause.remedy or remedy)
-    if kind == "literal_error":
-        allowed = context["expected"].replace(" or ", ", ").replace("'", "")
-        return unknown_name(str(found), allowed.split(", "), kind="value", where=where, remedy=remedy)
-    allowed = _ALLOWED.get(kind, first["msg"]).format(**context)
-    return InputError(f"{found!r} was found", where=where, allowed=allowed, remedy=remedy)
-
-
-def _unknown_key(location: tuple[int | str, ...], source: str, remedy: str | None) -> InputError:
-    model = _model_at(location[:-1])
-    key = str(location[-1])
-    homes = [title for title, other in _sections() if key in other.model_fields and other is not model]
-    if homes:
-        remedy = f"{key!r} belongs to {' or '.join(homes)}"
-    where = f"{source}, [{_key(location[:-1])}]" if location[:-1] else source
-    return unknown_name(key, model.model_fields, kind=_noun(location), where=where, remedy=remedy)
-
-
-def _noun(location: tuple[int | str, ...]) -> str:
-    return "section or key" if len(location) == 1 else "key"
-
-
-def _key(location: tuple[int | str, ...]) -> str:
-    """Dotted key; further recordings count from 1."""
-    parts = [f"[{part + 1}]" if isinstance(part, int) else f".{part}" for part in location]
-    return "".join(parts).removeprefix(".")
-
-
-def _model_at(location: tuple[int | str, ...]) -> type[BaseModel]:
-    """Model of the section at a location; keys of a table of sections and numbers of a list are passed over."""
-    model: type[BaseModel] = Case
-    for part in location:
-        if isinstance(part, str) and part in model.model_fields:
-            model = _nested(model.model_fields[part].annotation) or model
-    return model
-
-
-def _nested(annotation: Any) -> type[BaseModel] | None:
-    """Section that an annotation holds: itself, in a list, as the values of a table, or perhaps not at all."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    if get_origin(annotation) in (list, dict):
-        return _nested(get_args(annotation)[-1])
-    if get_origin(annotation) in (Union, UnionType):
-        return _nested(get_args(annotation)[0])
-    return None
-
-
-def _sections(model: type[BaseModel] = Case, title: str = "") -> list[tuple[str, type[BaseModel]]]:
-    """All sections with their TOML headings, without further recordings, whose keys are those of the first."""
-    found = []
-    for key, field in model.model_fields.items():
-        inner = _nested(field.annotation)
-        if inner is not None and key not in _FURTHER:
-            heading = f"{title}{key}" + (".NAME" if get_origin(field.annotation) is dict else "")
-            found += [(f"[{heading}]", inner), *_sections(inner, f"{heading}.")]
-    return found
-
-
-def _allowed(schema: dict[str, Any]) -> str:
-    """Choices or range of a key, from its JSON schema; nothing where its type says all."""
-    signs = {"minimum": "≥", "exclusiveMinimum": ">", "maximum": "≤", "exclusiveMaximum": "<"}
-    for part in (schema, schema.get("items", {}), *schema.get("anyOf", ())):
-        if "enum" in part:
-            return ", ".join(f"`{_toml(value)}`" for value in part["enum"])
-        limits = [f"{sign} {part[key]:g}" for key, sign in signs.items() if key in part]
-        if limits:
-            return " and ".join(limits)
-    return ""
-
-
-def _toml(value: Any) -> str:
-    if value is None:
-        return "none"
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, list):
-        return "[" + ", ".join(map(_toml, value)) + "]"
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{key} = {_toml(v)}" for key, v in value.items()) + "}"
-    return f'"{value}"' if isinstance(value, str) else f"{value}"

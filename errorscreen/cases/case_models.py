@@ -1,13 +1,13 @@
-"""Sections of a case file that say what was recorded and what to do with it: keys, meaning, defaults."""
+"""Sections of a case file for recordings and for the stages of a study: keys, meaning, defaults."""
 
 from __future__ import annotations
 
-from collections import Counter
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
+from errorscreen.calibration import CALIBRATORS
 from errorscreen.cases.model_sections import (
     EVENTS,
     EventSection,
@@ -15,76 +15,66 @@ from errorscreen.cases.model_sections import (
     LineTripSection,
     LoadStepSection,
 )
-from errorscreen.cases.section import Count, Positive, Section
-from errorscreen.data import Column, read_csv
+from errorscreen.cases.section import Count, NameIn, Positive, Section, each_once, setting
+from errorscreen.data import READERS, Column, read_recording
 from errorscreen.data.recordings import Recording
 from errorscreen.exceptions import InputError
+from errorscreen.screening import SCREENERS
 
-#: fewer cannot be divided into those that a network learns from and those that tell when to stop
+#: fewer cannot be divided into a training and a validation set
 _LEAST_SAMPLES = 20
 
 
 class ColumnSection(Section):
-    """Where a channel comes from and what its numbers mean, see `errorscreen.data.Column`."""
+    """Source of a channel and meaning of its numbers, see `errorscreen.data.Column`."""
 
-    column: str | None = Field(default=None, description="header of the column")
-    unit: str | None = Field(default=None, description="unit of its numbers; pu, rad or Hz if not given")
-    base: Positive | None = Field(
-        default=None, description="what 1 pu is: MVA for P and Q, kV line to line for V"
+    column: str | None = setting(None, "header of the column")
+    unit: str | None = setting(None, "unit of its numbers; pu, rad or Hz if not given")
+    base: Positive | None = setting(None, "value of 1 pu: MVA for P and Q, kV line to line for V")
+    sign: Literal["generator", "load"] = setting(
+        "generator", "P and Q: positive when generated, or when consumed"
     )
-    sign: Literal["generator", "load"] = Field(
-        default="generator", description="P and Q: positive when generated, or when consumed"
-    )
-    scale: float = Field(default=1.0, description="factor on the numbers in the file")
-    per_phase: bool = Field(default=False, description="P and Q: one of three equal phases")
-    line_neutral: bool = Field(default=False, description="V: measured from line to neutral")
-    real: str | None = Field(default=None, description="V: header of the real part, instead of column")
-    imag: str | None = Field(default=None, description="V: header of the imaginary part")
-    value: float | None = Field(default=None, description="stated pre-event value of what was not measured")
+    scale: float = setting(1.0, "factor on the numbers in the file")
+    per_phase: bool = setting(False, "P and Q: one of three equal phases")
+    line_neutral: bool = setting(False, "V: measured from line to neutral")
+    real: str | None = setting(None, "V: header of the real part, instead of column")
+    imag: str | None = setting(None, "V: header of the imaginary part")
+    value: float | None = setting(None, "stated pre-event value of an unmeasured channel")
 
 
 class RecordingSection(Section):
     """A recorded disturbance."""
 
-    path: str = Field(description="text file with one header row, relative to the case file")
-    name: str | None = Field(default=None, description="for tables and plots; the file's name if not given")
-    base_mva: Positive = Field(
-        description="base of the device or grid in MVA, which P and Q are converted to"
+    path: str = setting(..., "file, relative to the case file; csv: text with one header row")
+    format: Annotated[str, NameIn(READERS)] | None = setting(
+        None, "format of the file; recognised by its content if not given"
     )
-    base_kv: Positive | None = Field(default=None, description="base voltage in kV, line to line")
-    f_nominal: Positive = Field(description="nominal frequency in Hz")
-    columns: dict[str, ColumnSection] = Field(
-        min_length=1, description="source of each channel: V, angle, f, P, Q, or a name of your own"
+    name: str | None = setting(None, "for tables and plots; the file's name if not given")
+    base_mva: Positive = setting(..., "base of the device or grid in MVA, which P and Q are converted to")
+    base_kv: Positive | None = setting(None, "base voltage in kV, line to line")
+    f_nominal: Positive = setting(..., "nominal frequency in Hz")
+    columns: dict[str, ColumnSection] = setting(
+        ..., "source of each channel: V, angle, f, P, Q, or a name of your own", min_length=1
     )
-    time: str = Field(default="time", description="header of the time stamps")
-    time_unit: Literal["s", "ms", "us", "min", "h", "iso"] = Field(
-        default="s", description="unit of the time stamps"
-    )
-    event_time: float | None = Field(
-        default=None, description="start of the event in s; detected if not given"
-    )
-    t_start: float | None = Field(default=None, description="first instant of the file that is used, in s")
-    t_end: float | None = Field(default=None, description="last instant of the file that is used, in s")
-    shift: dict[str, float] = Field(default={}, description="seconds added to the time stamps of a channel")
-    noise: dict[str, Positive] = Field(default={}, description="known noise of a channel, in pu, rad or Hz")
-    held: Literal["drop", "keep"] = Field(default="drop", description="stale repeats of a slow meter")
-    on_backward: Literal["error", "sort", "drop"] = Field(
-        default="error", description="where time runs backwards"
-    )
-    max_missing: Annotated[float, Field(ge=0, le=1)] = Field(
-        default=0.4, description="largest part of a channel that may be missing"
-    )
-    missing: list[str] = Field(default=[], description="further texts that mark a gap")
-    delimiter: str | None = Field(default=None, description="between fields; recognised if not given")
-    decimal: Literal[".", ","] = Field(default=".", description="decimal mark")
-    encoding: str = Field(default="utf-8-sig", description="of the file")
-    skip_rows: Annotated[int, Field(ge=0)] = Field(default=0, description="lines above the header")
-    load_level: Positive = Field(
-        default=1.0, description="grid: factor on all loads and generators before the event"
-    )
-    fault: FaultSection | None = Field(default=None, description="grid: what happened")
-    line_trip: LineTripSection | None = Field(default=None, description="grid: what happened")
-    load_step: LoadStepSection | None = Field(default=None, description="grid: what happened")
+    time: str = setting("time", "header of the time stamps")
+    time_unit: Literal["s", "ms", "us", "min", "h", "iso"] = setting("s", "unit of the time stamps")
+    event_time: float | None = setting(None, "start of the event in s; detected if not given")
+    t_start: float | None = setting(None, "first instant of the file that is used, in s")
+    t_end: float | None = setting(None, "last instant of the file that is used, in s")
+    shift: dict[str, float] = setting({}, "seconds added to the time stamps of a channel")
+    noise: dict[str, Positive] = setting({}, "known noise of a channel, in pu, rad or Hz")
+    held: Literal["drop", "keep"] = setting("drop", "stale repeats of a slow meter")
+    on_backward: Literal["error", "sort", "drop"] = setting("error", "where time runs backwards")
+    max_missing: float = setting(0.4, "largest part of a channel that may be missing", ge=0, le=1)
+    missing: list[str] = setting([], "further texts that mark a gap")
+    delimiter: str | None = setting(None, "between fields; recognised if not given")
+    decimal: Literal[".", ","] = setting(".", "decimal mark")
+    encoding: str = setting("utf-8-sig", "of the file")
+    skip_rows: int = setting(0, "lines above the header", ge=0)
+    load_level: Positive = setting(1.0, "grid: factor on all loads and generators before the event")
+    fault: FaultSection | None = setting(None, "grid: the event")
+    line_trip: LineTripSection | None = setting(None, "grid: the event")
+    load_step: LoadStepSection | None = setting(None, "grid: the event")
 
     @model_validator(mode="after")
     def _some_window(self) -> RecordingSection:
@@ -96,88 +86,72 @@ class RecordingSection(Section):
 
     @property
     def events(self) -> dict[str, EventSection]:
-        """What happened in the grid, by key; a recording of a grid needs exactly one."""
+        """Events in the grid by key; a recording of a grid needs exactly one."""
         found = {key: getattr(self, key) for key in EVENTS}
         return {key: section for key, section in found.items() if section is not None}
 
     def load(self, folder: Path, dt: float | None = None) -> Recording:
         """Read the window of the file and apply the shift, which resamples to `dt` seconds."""
-        direct = {"path", "columns", "shift", *EVENTS, "load_level"}
+        direct = {"path", "format", "columns", "shift", *EVENTS, "load_level"}
         columns = {role: Column(**dict(section)) for role, section in self.columns.items()}
         options = {key: value for key, value in self if key not in direct}
-        recording = read_csv(folder / self.path, columns, **options)
+        recording = read_recording(folder / self.path, columns, self.format, **options)
         return recording.resample(dt, shift=self.shift) if self.shift else recording
 
 
 class SimulationSection(Section):
     """How the model is integrated."""
 
-    step: Positive = Field(default=0.0025, description="longest integration step in s")
-    dt: Positive | None = Field(
-        default=None,
-        description="step in s at which signals are compared; that of the recording if not given",
+    step: Positive = setting(0.0025, "longest integration step in s")
+    dt: Positive | None = setting(
+        None, "step in s at which signals are compared; that of the recording if not given"
     )
-
-
-def _each_once(methods: list[Any]) -> None:
-    if len(set(methods)) < len(methods):
-        raise InputError(f"the methods {methods} hold one twice", allowed="each method once")
 
 
 class ScreeningSection(Section):
     """How the parameters that carry the error are found."""
 
-    methods: list[Literal["cnn", "sensitivity", "random"]] = Field(
-        default=["cnn", "sensitivity", "random"],
-        min_length=1,
-        description="rankers; `pso` calibrates what each of them selects",
+    methods: Annotated[list[Annotated[str, NameIn(SCREENERS)]], AfterValidator(each_once)] = setting(
+        ["cnn", "sensitivity", "random"], "screeners; `pso` calibrates the selection of each", min_length=1
     )
-    samples: Annotated[int, Field(ge=_LEAST_SAMPLES)] = Field(
-        default=600,
-        description="cnn: labelled errors it learns from; each costs a simulation for every parameter and one more",
+    samples: int = setting(
+        600,
+        "cnn: labelled errors it learns from; each costs a simulation for every parameter and one more",
+        ge=_LEAST_SAMPLES,
     )
-    epochs: Count = Field(default=60, description="cnn: most passes over them")
-    frequencies: Annotated[int, Field(ge=8)] = Field(
-        default=16, description="cnn: height of the time-frequency images"
-    )
-    columns: Annotated[int, Field(ge=8)] = Field(default=32, description="cnn: width of the images")
-    top_k: Count | None = Field(default=None, description="how many parameters are selected")
-    threshold: Annotated[float, Field(gt=0, le=1)] | None = Field(
-        default=None,
-        description="or those above this part of the largest contribution; 0.1 if neither is given",
+    epochs: Count = setting(60, "cnn: most passes over them")
+    frequencies: int = setting(16, "cnn: height of the time-frequency images", ge=8)
+    columns: int = setting(32, "cnn: width of the images", ge=8)
+    top_k: Count | None = setting(None, "how many parameters are selected")
+    threshold: Annotated[float, Field(gt=0, le=1)] | None = setting(
+        None, "or those above this part of the largest contribution; 0.1 if neither is given"
     )
 
     @model_validator(mode="after")
     def _one_rule(self) -> ScreeningSection:
         if self.top_k is not None and self.threshold is not None:
             raise InputError("top_k and threshold are both given", allowed="one of them")
-        _each_once(self.methods)
         return self
 
 
 class CalibrationSection(Section):
     """How the selected parameters are fitted."""
 
-    methods: list[Literal["map", "pso"]] = Field(
-        default=["map", "pso"], min_length=1, description="calibrators; the diagnosis shows the first one"
+    methods: Annotated[list[Annotated[str, NameIn(CALIBRATORS)]], AfterValidator(each_once)] = setting(
+        ["map", "pso"], "calibrators; the diagnosis shows the first one", min_length=1
     )
-    prior_scale: Positive = Field(default=0.3, description="map: relative standard deviation of the prior")
-    starts: Count = Field(default=4, description="starts of the fit of all parameters")
-    library: Count = Field(default=2048, description="simulations from which these starts are taken")
-    level: Annotated[float, Field(gt=0, lt=1)] = Field(
-        default=0.9, description="probability of the intervals"
-    )
-    particles: Annotated[int, Field(ge=2)] = Field(default=30, description="pso: number of particles")
-    iterations: Count = Field(default=80, description="pso: number of iterations")
-    inertia: Positive = Field(default=0.7298, description="pso: inertia weight")
-    cognitive: Positive = Field(
-        default=1.4962, description="pso: learning factor towards a particle's own best"
-    )
-    social: Positive = Field(default=1.4962, description="pso: learning factor towards the best of all")
+    prior_scale: Positive = setting(0.3, "map: relative standard deviation of the prior")
+    starts: Count = setting(4, "starts of the fit of all parameters")
+    library: Count = setting(2048, "simulations from which these starts are taken")
+    level: float = setting(0.9, "probability of the intervals", gt=0, lt=1)
+    particles: int = setting(30, "pso: number of particles", ge=2)
+    iterations: Count = setting(80, "pso: number of iterations")
+    inertia: Positive = setting(0.7298, "pso: inertia weight")
+    cognitive: Positive = setting(1.4962, "pso: learning factor towards a particle's own best")
+    social: Positive = setting(1.4962, "pso: learning factor towards the best of all")
 
     @model_validator(mode="after")
     def _enough_simulations(self) -> CalibrationSection:
-        _each_once(self.methods)
         if self.library < self.starts - 1:
             raise InputError(
                 f"{self.starts} starts cannot be taken from a library of {self.library}",
@@ -187,63 +161,47 @@ class CalibrationSection(Section):
 
 
 class DiscoverySection(Section):
-    """How causes that are no parameters are searched."""
+    """How causes other than parameters are searched."""
 
-    enabled: bool = Field(default=True, description="whether they are searched")
-    effects: Annotated[list[str], Field(min_length=1)] | None = Field(
-        default=None, description="effects to try; all of the library if not given"
+    enabled: bool = setting(True, "whether they are searched")
+    effects: Annotated[list[str], Field(min_length=1), AfterValidator(each_once)] | None = setting(
+        None, "effects to try; all of the library if not given"
     )
-    max_effects: Annotated[int, Field(ge=1, le=3)] = Field(
-        default=2, description="largest number of effects that are named together"
+    max_effects: int = setting(2, "largest number of effects that are named together", ge=1, le=3)
+    fits: Count = setting(6, "effects whose joint fit goes on to the end")
+    draws: int = setting(128, "draws of an effect's parameters in each round of its signature", ge=8)
+    significance: float = setting(
+        0.002,
+        "the remainder counts as more than noise below this probability; the test resolves 0.001",
+        ge=0.001,
+        lt=1,
     )
-    fits: Count = Field(default=6, description="effects whose joint fit goes on to the end")
-    draws: Annotated[int, Field(ge=8)] = Field(
-        default=128, description="draws of an effect's parameters in each round of its signature"
+    step: Positive | None = setting(
+        None,
+        "longest integration step of the search in s, a quarter of it for fits near the noise; if not given "
+        "that of the simulation, for a grid twice as much up to 0.005",
     )
-    significance: Annotated[float, Field(ge=0.001, lt=1)] = Field(
-        default=0.002,
-        description="probability below which what is left counts as more than noise; the draws of the test tell none "
-        "apart that are smaller than 0.001",
-    )
-    step: Positive | None = Field(
-        default=None,
-        description="longest integration step of the search in s, what comes near to noise is fitted with a quarter of "
-        "it; if not given that of the simulation, for a grid twice as much up to 0.005",
-    )
-    first_look: int = Field(
-        default=0,
-        description="samples of a network that ranks parameters and effects before the search, at least 20; 0 for none",
+    first_look: int = setting(
+        0, "samples of a network that ranks parameters and effects before the search, at least 20; 0: none"
     )
 
-    @field_validator("effects")
-    @classmethod
-    def _each_effect_once(cls, effects: list[str] | None) -> list[str] | None:
-        twice = sorted(name for name, count in Counter(effects or ()).items() if count > 1)
-        if twice:
-            raise InputError(f"{', '.join(map(repr, twice))} was found twice", allowed="each effect once")
-        return effects
-
-    @field_validator("first_look")
-    @classmethod
-    def _none_or_enough(cls, samples: int) -> int:
-        if samples != 0 and samples < _LEAST_SAMPLES:
+    @model_validator(mode="after")
+    def _none_or_enough(self) -> DiscoverySection:
+        if 0 != self.first_look < _LEAST_SAMPLES:
             raise InputError(
-                f"{samples} was found", allowed=f"0 for none, or a whole number >= {_LEAST_SAMPLES}"
+                f"first_look is {self.first_look}",
+                allowed=f"0 for none, or a whole number >= {_LEAST_SAMPLES}",
             )
-        return samples
+        return self
 
 
 class RunSection(Section):
     """How the computation is run."""
 
-    random_state: Annotated[int, Field(ge=0)] = Field(default=0, description="seed of all random numbers")
-    n_jobs: int = Field(
-        default=1, description="processes that simulate what the network learns from; -1 for one on each core"
-    )
-    out: str | None = Field(
-        default=None,
-        description="folder for results, relative to the case file; those of `errorscreen diagnose` lie in its folder "
-        "diagnose",
+    random_state: int = setting(0, "seed of all random numbers", ge=0)
+    n_jobs: int = setting(1, "processes that simulate for the network; -1 for one on each core")
+    out: str | None = setting(
+        None, "folder for results, relative to the case file; `errorscreen diagnose` writes to diagnose in it"
     )
 
     @model_validator(mode="after")

@@ -1,4 +1,4 @@
-"""The embedded example: a synchronous machine whose parameters deviate from its model in a way only the seed knows."""
+"""The embedded example: a synchronous machine whose hidden parameters the seed draws."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from errorscreen.simulators import PlantSimulator
 
 #: standard deviations of the measurement noise: V in pu, angle in rad, P and Q in pu (about 50 dB)
 NOISE = {"V": 2e-4, "angle": 2e-4, "P": 2e-3, "Q": 2e-3}
-#: step of the hidden truth in seconds, a tenth of the one that the fitted model uses
+#: step of the hidden truth in seconds, a tenth of the fitted model's
 TRUTH_STEP = 2.5e-4
-#: seconds over which the magnitude falls and returns: phasors are estimated over about two cycles
+#: seconds in which the magnitude falls and returns: the window of a phasor estimate, about two cycles
 EDGE = 0.04
 _OPERATING_POINT = {"V": 1.0, "P": 0.72, "Q": 0.12}
 

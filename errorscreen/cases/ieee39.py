@@ -1,8 +1,8 @@
 r"""The modified New England 39-bus system of the paper's case study.
 
 Three generators are replaced by plants under test, with the active power and the voltage that the load flow of the
-original system has there. They are the three whose transformers lead to bus 2 and to the lines from bus 25 and 26, so
-that what is observed at bus 2 feels them:
+original system has there. Their transformers lead to bus 2 and to the lines from bus 25 and 26, so that bus 2 feels
+them:
 
 - the PV plant at bus 30, which a transformer joins with bus 2 itself. It is the one plant with a large share of
   reactive power before the fault (so that the terms in K2_Iq_LV and KQ_LV are not zero), and the nearest to the fault:
@@ -13,12 +13,12 @@ that what is observed at bus 2 feels them:
 
 They deliver 0.6, 0.7 and 0.8 of their ratings, which follow from that (`PLANTS`).
 
-The other seven units are two-axis machines without controllers (`errorscreen.models.FixedMachine`), because the paper
-leaves them unchanged, and so that what is seen comes from the plants under test; their damping power per speed
-deviation is 0.2 of their starting time, about that of the machine under test. Loads are constant impedances.
+The other seven units are two-axis machines without controllers (`errorscreen.models.FixedMachine`): the paper leaves
+them unchanged, and the plants under test shape the response. Their damping power per speed deviation is 0.2 of their
+starting time, about that of the machine under test. Loads are constant impedances.
 
-Without governors the fault leaves the whole grid above nominal frequency. The plant's virtual inertia would rest, so it
-is of the kind that acts in both directions: ``dbwih`` and ``Pwimin`` of the DFIG plant are set. In the PV plant
+Without governors the fault leaves the whole grid above nominal frequency. The plant's virtual inertia acts in both
+directions, otherwise it would rest: ``dbwih`` and ``Pwimin`` of the DFIG plant are set. In the PV plant
 ride-through takes over within a band of 0.1 instead of 0.02 pu, because that band sets how small a step must be.
 
 Channels: U is the magnitude of the voltage at bus 2, P the active power that arrives there over the line from bus 25,

@@ -1,4 +1,4 @@
-"""Public recordings of small systems, and the models that lack something: an electronic oscillator and falling balls.
+"""Public recordings of small systems with incomplete models: an electronic oscillator and falling balls.
 
 The files are not part of this package. `silverbox` is the benchmark of Wigren and Schoukens (*Three free data sets for
 development and benchmarking in nonlinear system identification*, European Control Conference 2013), the balls are those
@@ -17,7 +17,7 @@ from errorscreen.exceptions import InputError
 from errorscreen.parameters import Parameter
 from errorscreen.simulators import ODESimulator
 
-#: in volts and metres: what is left of a good model, and position noise of a video
+#: noise in volts (residual of a good model) and in metres (position in a video)
 SILVERBOX_NOISE, BALL_NOISE = 5e-4, 0.1
 #: 1/s²: a resonance at 68 Hz
 _STIFFNESS = (2 * np.pi * 68.0) ** 2
@@ -40,13 +40,9 @@ def fall(t: Any, x: Any, u: Any, p: Any, dx: Any) -> None:
 
 
 def read_silverbox(
-    path: str | Path,
-    first: int = 0,
-    last: int | None = None,
-    *,
-    noise: float = SILVERBOX_NOISE,
-    name: str = "silverbox",
-) -> Recording:
+    path: str | Path, first: int = 0, last: int | None = None, *,
+    noise: float = SILVERBOX_NOISE, name: str = "silverbox",
+) -> Recording:  # fmt: skip
     """Read samples `first` to `last` of the oscillator's record.
 
     Parameters
@@ -56,7 +52,7 @@ def read_silverbox(
     first, last : int, optional
         As in a slice.
     noise : float
-        Standard deviation of what counts as noise of y, in volts.
+        Standard deviation of y in volts.
     name : str
 
     Raises
@@ -65,12 +61,11 @@ def read_silverbox(
         If a column is missing or fewer than 100 samples are left.
     """
     table = _table(path, ("time_s", "u_V", "y_V"))
-    time, u, y = (table[name][first:last] for name in ("time_s", "u_V", "y_V"))
+    time, u, y = (values[first:last] for values in table.values())
     if len(time) < 100:
         raise InputError(f"{len(time)} samples are left", where=str(path), allowed="at least 100")
-    return Recording.from_signals(
-        time - time[0], {"u": u, "y": y}, name=name, units={"u": "V", "y": "V"}, noise={"y": noise}
-    )
+    signals, units = {"u": u, "y": y}, {"u": "V", "y": "V"}
+    return Recording.from_signals(time - time[0], signals, name=name, units=units, noise={"y": noise})
 
 
 def silverbox(recording: Recording, **options: Any) -> ODESimulator:
@@ -79,7 +74,7 @@ def silverbox(recording: Recording, **options: Any) -> ODESimulator:
     Parameters
     ----------
     recording : Recording
-    **options : mapping
+    **options
         Of `ODESimulator`.
     """
     k = _STIFFNESS
@@ -132,40 +127,33 @@ def read_falling_ball(path: str | Path, ball: str, drop: int, *, noise: float = 
 def falling_ball(recording: Recording, **options: Any) -> ODESimulator:
     """Free fall under known gravity, from about 47 m and nearly from rest.
 
-    A hand lets go up to 0.15 s before or after the first picture, so that the velocity then is known to 1.5 m/s.
+    The hand lets go within 0.15 s of the first picture, so the velocity then is known to 1.5 m/s.
 
     Parameters
     ----------
     recording : Recording
-    **options : mapping
+    **options
         Of `ODESimulator`, for example other `templates` than `RESISTANCES`.
     """
     height = float(recording.channel("height").values[0])
+    initial = {
+        "height": Parameter("height", height, height - 3.0, height + 3.0, "m"),
+        "velocity": Parameter("velocity", 0.0, -1.5, 1.5, "m/s", scale=1.0),
+    }
+    options = {"templates": RESISTANCES, "constants": {"g": 9.80665}, "initial": initial, **options}
     return ODESimulator(
-        fall,
-        {"height": "m", "velocity": "m/s"},
-        [],
-        recording,
-        outputs=["height"],
-        constants={"g": 9.80665},
-        initial={
-            "height": Parameter("height", height, height - 3.0, height + 3.0, "m"),
-            "velocity": Parameter("velocity", 0.0, -1.5, 1.5, "m/s", scale=1.0),
-        },
-        **{"templates": RESISTANCES, **options},
+        fall, {"height": "m", "velocity": "m/s"}, [], recording, outputs=["height"], **options
     )
 
 
-def _table(path: str | Path, columns: tuple[str, ...]) -> Any:
+def _table(path: str | Path, columns: tuple[str, ...]) -> dict[str, Any]:
     """Columns of a CSV file as arrays."""
     import pandas as pd
 
     if not Path(path).is_file():
         raise InputError("the file does not exist", where=str(path))
     frame = pd.read_csv(path)
-    missing = [name for name in columns if name not in frame]
+    missing = ", ".join(name for name in columns if name not in frame)
     if missing:
-        raise InputError(
-            f"the column {', '.join(missing)} is missing", where=str(path), allowed=", ".join(columns)
-        )
+        raise InputError(f"the column {missing} is missing", where=str(path), allowed=", ".join(columns))
     return {name: frame[name].to_numpy() for name in columns}

@@ -1,41 +1,38 @@
-"""Sections of a case file that say what is compared with a recording: a device, or a grid and what happened in it."""
+"""Sections of a case file for the model: a device, or a grid and its events."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import Annotated, ClassVar, Literal, Protocol
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from errorscreen.cases.ieee39 import PLANTS, load_ieee39
-from errorscreen.cases.section import Positive, Section
+from errorscreen.cases.section import NameIn, NotNegative, Positive, Section, setting
 from errorscreen.events import BusFault, GridEvent, LineTrip, LoadStep
-from errorscreen.exceptions import InputError, unknown_name
+from errorscreen.exceptions import InputError
 from errorscreen.models import DEVICES
 from errorscreen.parameters import Parameter, ParameterSpace
 from errorscreen.simulators import PowerSystemSimulator
 
-#: instants that are moved by less, in s, are those of rounded time stamps
+#: a shift of an instant by less, in s, comes from rounded time stamps
 _TOLD = 2e-5
-#: what a channel of that name can be
+#: place of a channel by its name
 _KINDS = {"V": "a bus", "P": "[sending, receiving] bus"}
-NotNegative = Annotated[float, Field(ge=0)]
 Pair = Annotated[list[int], Field(min_length=2, max_length=2)]
 
 
 class ParameterSection(Section):
     """Changes to one candidate parameter."""
 
-    nominal: float | None = Field(
-        default=None, description="value before calibration; typical value if not given"
-    )
-    relative: Positive | None = Field(default=None, description="bounds at nominal ± this part of it")
-    lower: float | None = Field(default=None, description="lower bound")
-    upper: float | None = Field(default=None, description="upper bound")
-    scale: Positive | None = Field(default=None, description="size of a change that matters, if nominal is 0")
+    nominal: float | None = setting(None, "value before calibration; typical value if not given")
+    relative: Positive | None = setting(None, "bounds at nominal ± this part of it")
+    lower: float | None = setting(None, "lower bound")
+    upper: float | None = setting(None, "upper bound")
+    scale: Positive | None = setting(None, "size of a change that matters, if nominal is 0")
 
     @model_validator(mode="after")
     def _one_kind_of_bounds(self) -> ParameterSection:
@@ -60,15 +57,13 @@ class ParameterSection(Section):
 
 
 class CandidatesSection(Section):
-    """Which parameters of a model may be wrong, and by how much."""
+    """Parameters of a model that may be wrong, and their ranges."""
 
-    relative: Positive | None = Field(
-        default=None, description="bounds of all candidates at nominal ± this part"
+    relative: Positive | None = setting(None, "bounds of all candidates at nominal ± this part")
+    candidates: Annotated[list[str], Field(min_length=1)] | None = setting(
+        None, "parameters that may be wrong; all if not given"
     )
-    candidates: Annotated[list[str], Field(min_length=1)] | None = Field(
-        default=None, description="parameters that may be wrong; all if not given"
-    )
-    parameters: dict[str, ParameterSection] = Field(default={}, description="changes to single parameters")
+    parameters: dict[str, ParameterSection] = setting({}, "changes to single parameters")
 
     def apply(self, space: ParameterSpace) -> ParameterSpace:
         """Candidates of this case, from those of the model.
@@ -93,16 +88,16 @@ class CandidatesSection(Section):
 
 
 class DeviceSection(CandidatesSection):
-    """A plant at whose terminal the recorded voltage is played back, and that is compared with the recording."""
+    """A plant that is compared with the recording while the recorded voltage is imposed on its terminal."""
 
-    type: str = Field(description="synchronous_machine, dfig_plant or pv_plant")
-    constants: dict[str, float] = Field(default={}, description="values of other constants")
-    grid_resistance: NotNegative = Field(
-        default=0.0,
-        description="of the grid as the terminal sees it, in pu of the device's base: how much of the recorded voltage "
-        "the plant itself moved",
+    type: Annotated[str, NameIn(DEVICES)] = setting(..., "kind of the plant")
+    constants: dict[str, float] = setting({}, "values of other constants")
+    grid_resistance: NotNegative = setting(
+        0.0,
+        "of the grid seen from the terminal, in pu of the device's base: how much the plant itself moves the "
+        "voltage",
     )
-    grid_reactance: NotNegative = Field(default=0.0, description="the same, reactance")
+    grid_reactance: NotNegative = setting(0.0, "the same, reactance")
 
     @property
     def grid_impedance(self) -> complex:
@@ -115,10 +110,8 @@ class DeviceSection(CandidatesSection):
         Raises
         ------
         InputError
-            If the device, a parameter or a constant is unknown.
+            If a parameter or a constant is unknown.
         """
-        if self.type not in DEVICES:
-            raise unknown_name(self.type, DEVICES, kind="device", where="device.type")
         device = DEVICES[self.type]
         device.constant_values(self.constants, in_grid=self.grid_impedance != 0)
         return self.apply(device.candidates)
@@ -127,12 +120,12 @@ class DeviceSection(CandidatesSection):
 class GridSection(CandidatesSection):
     """A simulated grid that is compared with the recording, instead of a device."""
 
-    case: Literal["ieee39"] = Field(description="ieee39, the 39-bus case study")
-    channels: dict[str, int | Pair] = Field(
-        default={"V": 2, "P": [25, 2]},
+    case: Literal["ieee39"] = setting(..., "ieee39, the 39-bus case study")
+    channels: dict[str, int | Pair] = setting(
+        {"V": 2, "P": [25, 2]},
+        "recorded quantities by name: a bus for its voltage, or [sending, receiving] bus for the active power"
+        " that arrives",
         min_length=1,
-        description="recorded quantities by name: a bus for its voltage, or [sending, receiving] bus for the active "
-        "power that arrives",
     )
 
     @model_validator(mode="after")
@@ -159,15 +152,8 @@ class GridSection(CandidatesSection):
         return self.apply(ParameterSpace(p for _, device, *_ in PLANTS for p in DEVICES[device].candidates))
 
 
-class Happening(Protocol):
-    """What a recording says about an event beside its kind."""
-
-    event_time: float | None
-    load_level: float
-
-
 class EventSection(Section):
-    """What happened in a grid; the start is that of the recording's event."""
+    """An event in a grid; it starts at the recording's `event_time`."""
 
     TITLE: ClassVar[str]
 
@@ -176,19 +162,19 @@ class EventSection(Section):
         """Event on a time axis in seconds."""
 
     def on_steps(
-        self, time: NDArray[np.float64], name: str, recording: Happening, step: float, where: str
+        self, time: NDArray[np.float64], name: str, recording: Any, step: float, where: str
     ) -> tuple[GridEvent, tuple[str, ...]]:
-        """Event whose instants are those at which steps of the model begin, and what is to be told about that.
+        """Event whose instants are beginnings of integration steps, and notes for the report.
 
         The model's grid changes between two steps. An instant between two samples stays between them: moved onto the
-        earlier one, that sample would count as one after the change.
+        earlier sample, it would turn that sample into one after the change.
 
         Parameters
         ----------
         time : ndarray of shape (L,)
             Uniform, in s.
         name : str
-        recording : Happening
+        recording : RecordingSection
             With `event_time` and `load_level`.
         step : float
             Longest step in s.
@@ -200,55 +186,42 @@ class EventSection(Section):
         InputError
             If the event does not lie within the recording, or lasts for less than a step.
         """
-        assert recording.event_time is not None  # `Case.check_events` sees to that
-        grid = _Steps(time, step)
-        start = grid.nearest(recording.event_time)
+        first, dt = float(time[0]), float(time[1] - time[0])
+        per_sample = int(np.ceil(dt / step - 1e-9))
+        step = dt / per_sample
+
+        def nearest(instant: float) -> float:
+            position = (instant - first) / dt
+            sample = round(position)
+            number = sample * per_sample
+            if abs(position - sample) * dt > _TOLD:
+                before = int(np.floor(position)) * per_sample
+                number = min(max(round(position * per_sample), before + 1), before + per_sample)
+            return first + number * step
+
+        start = nearest(recording.event_time)
         moved = [("starts", recording.event_time, start)]
         section = self
         duration = getattr(self, "duration", None)
         if duration is not None:
-            end = grid.nearest(recording.event_time + duration)
-            if duration < grid.step - _TOLD or not start < end < time[-1]:
+            end = nearest(recording.event_time + duration)
+            if duration < step - _TOLD or not start < end < time[-1]:
                 raise InputError(
                     f"a duration of {duration:g} s",
                     where=where,
-                    allowed=f"at least a step, {grid.step:g} s, and cleared before the end of the recording",
+                    allowed=f"at least a step, {step:g} s, and cleared before the end of the recording",
                 )
             section = self.model_copy(update={"duration": end - start})
             moved.append(("is cleared", recording.event_time + duration, end))
-        told = [
-            f"What happened, as stated: {type(self).TITLE}, {self._stated()}, load level {recording.load_level:g}."
-        ]
-        told += [
-            f"In the model it {what} at {at:.6g} s instead of {stated:.6g} s, where a step begins: a smaller "
+        stated = ", ".join(f"{key} {value}" for key, value in self if value is not None)
+        notes = [f"Event as stated: {self.TITLE}, {stated}, load level {recording.load_level:g}."]
+        notes += [
+            f"In the model it {what} at {at:.6g} s instead of {instant:.6g} s, where a step begins: a smaller "
             "simulation.step comes nearer."
-            for what, stated, at in moved
-            if abs(at - stated) > _TOLD
+            for what, instant, at in moved
+            if abs(at - instant) > _TOLD
         ]
-        return section.event(time, name, start, recording.load_level), tuple(told)
-
-    def _stated(self) -> str:
-        return ", ".join(f"{key} {value}" for key, value in self if value is not None)
-
-
-class _Steps:
-    """Instants at which steps of a model begin, on the time axis of a recording."""
-
-    def __init__(self, time: NDArray[np.float64], step: float) -> None:
-        self.first, self.dt = float(time[0]), float(time[1] - time[0])
-        self.each = int(np.ceil(self.dt / step - 1e-9))
-        self.step = self.dt / self.each
-
-    def nearest(self, instant: float) -> float:
-        """The nearest of them that has the same samples before and after it."""
-        position = (instant - self.first) / self.dt
-        sample = round(position)
-        if abs(position - sample) * self.dt > _TOLD:
-            before = int(np.floor(position)) * self.each
-            here = min(max(round(position * self.each), before + 1), before + self.each)
-        else:
-            here = sample * self.each
-        return self.first + here * self.step
+        return section.event(time, name, start, recording.load_level), tuple(notes)
 
 
 class FaultSection(EventSection):
@@ -256,10 +229,10 @@ class FaultSection(EventSection):
 
     TITLE: ClassVar[str] = "fault"
 
-    bus: int = Field(description="where")
-    duration: Positive = Field(description="seconds until it is cleared")
-    resistance: NotNegative = Field(default=0.0, description="to ground, in pu of the grid's base")
-    reactance: NotNegative = Field(default=0.0, description="the same, reactance")
+    bus: int = setting(..., "where")
+    duration: Positive = setting(..., "seconds until it is cleared")
+    resistance: NotNegative = setting(0.0, "to ground, in pu of the grid's base")
+    reactance: NotNegative = setting(0.0, "the same, reactance")
 
     def event(self, time: NDArray[np.float64], name: str, start: float, level: float) -> GridEvent:
         """Event on a time axis in seconds."""
@@ -274,8 +247,8 @@ class LineTripSection(EventSection):
 
     TITLE: ClassVar[str] = "line trip"
 
-    ends: Pair = Field(description="its two buses")
-    circuit: str | None = Field(default=None, description="which one, where there are several")
+    ends: Pair = setting(..., "its two buses")
+    circuit: str | None = setting(None, "which one, where there are several")
 
     def event(self, time: NDArray[np.float64], name: str, start: float, level: float) -> GridEvent:
         """Event on a time axis in seconds."""
@@ -289,9 +262,9 @@ class LoadStepSection(EventSection):
 
     TITLE: ClassVar[str] = "load step"
 
-    factor: NotNegative = Field(description="on what the loads were before")
-    buses: Annotated[list[int], Field(min_length=1)] | None = Field(
-        default=None, description="where; all loads if not given"
+    factor: NotNegative = setting(..., "on the loads before the event")
+    buses: Annotated[list[int], Field(min_length=1)] | None = setting(
+        None, "buses whose loads change; all if not given"
     )
 
     @model_validator(mode="after")
@@ -306,5 +279,5 @@ class LoadStepSection(EventSection):
         return LoadStep(time, name, start, factor=self.factor, buses=buses, level=level)
 
 
-#: keys of a recording that say what happened in a grid
+#: keys of a recording for its event in a grid
 EVENTS = ("fault", "line_trip", "load_step")

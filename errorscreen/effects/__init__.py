@@ -1,5 +1,8 @@
 """Mechanisms that a model may lack."""
 
+from collections import Counter
+
+from errorscreen._runtime.registry import Registry
 from errorscreen.effects.base import KINDS, Effect
 from errorscreen.effects.control_lag import ACTIVE_CURRENT_LAG, REACTIVE_CURRENT_LAG, REACTIVE_POWER_LAG
 from errorscreen.effects.current_priority import CURRENT_PRIORITY
@@ -22,88 +25,91 @@ from errorscreen.effects.ride_through import HIGH_VOLTAGE_TRIP, RIDE_THROUGH, RI
 from errorscreen.effects.saturation import SATURATION
 from errorscreen.effects.stabiliser import STABILISER
 from errorscreen.effects.volt_var import VOLT_VAR
+from errorscreen.exceptions import InputError
 
-#: effects that are compiled into each device, by name of the device; those on one port act in this order, and the draws
-#: of a search go by it too. An unknown signal has its place at ports that add a quantity of their own: what enters
-#: before a port that has one, as at df and Pwi of the wind plant, is a signal there too
-LIBRARY: dict[str, tuple[Effect, ...]] = {
-    "synchronous_machine": (
-        EXCITER,
-        STABILISER,
-        SATURATION,
-        FIELD_CURRENT_LIMITER,
-        STATOR_CURRENT_LIMITER,
-        UNDER_EXCITATION_LIMITER,
-        VOLTS_PER_HERTZ_LIMITER,
-        GOVERNOR,
-        forced_oscillation("Pm"),
-        latent_input("Efd", 4.0),
-        latent_input("Pm", 1.0),
-    ),
-    "dfig_plant": (
-        ACTIVE_CURRENT_LAG,
-        REACTIVE_POWER_LAG,
-        RIDE_THROUGH,
-        RAMP_LIMIT,
-        PHASE_LOCKED_LOOP,
-        forced_oscillation("Pwi"),
-        latent_input("Ip_cmd", 1.0),
-        latent_input("Qcmd", 1.0),
-    ),
-    "pv_plant": (
-        ACTIVE_CURRENT_LAG,
-        REACTIVE_CURRENT_LAG,
-        CURRENT_PRIORITY,
-        VOLT_VAR,
-        RIDE_THROUGH,
-        RIDE_THROUGH_TRIP,
-        HIGH_VOLTAGE_TRIP,
-        RAMP_LIMIT,
-        forced_oscillation("Ip_cmd"),
-        latent_input("Ip_cmd", 1.0),
-        latent_input("Iq_cmd", 1.0),
-        latent_input("Qref", 1.0),
-    ),
-    "load": (
-        STATIC_ACTIVE,
-        STATIC_REACTIVE,
-        FREQUENCY_DEPENDENCE,
-        MOTOR_LOAD,
-        latent_input("dP", 0.5),
-        latent_input("dQ", 0.5),
-    ),
-}
+#: Effects of the library. Those at one port act in this order, and the draws of a search follow it. An unknown signal
+#: enters at ports that add a quantity of their own; a signal that enters before such a port, as at df and Pwi of the
+#: wind plant, shows there.
+EFFECTS: Registry[Effect] = Registry(
+    "effect",
+    "errorscreen.effects",
+    Effect,
+    {
+        "exciter": EXCITER,
+        "stabiliser": STABILISER,
+        "saturation": SATURATION,
+        "field_limiter": FIELD_CURRENT_LIMITER,
+        "stator_limiter": STATOR_CURRENT_LIMITER,
+        "under_excitation": UNDER_EXCITATION_LIMITER,
+        "volts_per_hertz": VOLTS_PER_HERTZ_LIMITER,
+        "governor": GOVERNOR,
+        "lag_active": ACTIVE_CURRENT_LAG,
+        "lag_reactive_power": REACTIVE_POWER_LAG,
+        "lag_reactive_current": REACTIVE_CURRENT_LAG,
+        "priority": CURRENT_PRIORITY,
+        "volt_var": VOLT_VAR,
+        "cessation": RIDE_THROUGH,
+        "trip": RIDE_THROUGH_TRIP,
+        "trip_high": HIGH_VOLTAGE_TRIP,
+        "ramp": RAMP_LIMIT,
+        "pll": PHASE_LOCKED_LOOP,
+        "static_active": STATIC_ACTIVE,
+        "static_reactive": STATIC_REACTIVE,
+        "frequency_dependence": FREQUENCY_DEPENDENCE,
+        "motor": MOTOR_LOAD,
+        "oscillation_Pm": forced_oscillation("Pm", "synchronous_machine"),
+        "oscillation_Pwi": forced_oscillation("Pwi", "dfig_plant"),
+        "oscillation_Ip_cmd": forced_oscillation("Ip_cmd", "pv_plant"),
+        "latent_Efd": latent_input("Efd", 4.0, devices=("synchronous_machine",)),
+        "latent_Pm": latent_input("Pm", 1.0, devices=("synchronous_machine",)),
+        "latent_Ip_cmd": latent_input("Ip_cmd", 1.0, devices=("dfig_plant", "pv_plant")),
+        "latent_Qcmd": latent_input("Qcmd", 1.0, devices=("dfig_plant",)),
+        "latent_Iq_cmd": latent_input("Iq_cmd", 1.0, devices=("pv_plant",)),
+        "latent_Qref": latent_input("Qref", 1.0, devices=("pv_plant",)),
+        "latent_dP": latent_input("dP", 0.5, devices=("load",)),
+        "latent_dQ": latent_input("dQ", 0.5, devices=("load",)),
+    },
+)
+
+
+def effects_of(device: str) -> tuple[Effect, ...]:
+    """Effects that are compiled into the models of a device, in the order in which they act.
+
+    Parameters
+    ----------
+    device : str
+        Name of the device.
+
+    Raises
+    ------
+    InputError
+        If two of its effects have the same name.
+
+    Examples
+    --------
+    >>> [effect.name for effect in effects_of("load")][:3]
+    ['static_active', 'static_reactive', 'frequency_dependence']
+    """
+    found = tuple(effect for effect in EFFECTS.values() if device in effect.devices)
+    for name, count in Counter(effect.name for effect in found).items():
+        if count > 1:
+            raise InputError(
+                f"{count} effects have the name {name!r}",
+                where=f"device {device!r}",
+                allowed="a name of its own for each effect of a device",
+            )
+    return found
+
 
 __all__ = [
-    "ACTIVE_CURRENT_LAG",
-    "CURRENT_PRIORITY",
-    "EXCITER",
+    "EFFECTS",
     "FAULT_DURATION",
     "FAULT_IMPEDANCE",
-    "FIELD_CURRENT_LIMITER",
-    "FREQUENCY_DEPENDENCE",
-    "GOVERNOR",
-    "HIGH_VOLTAGE_TRIP",
     "KINDS",
-    "LIBRARY",
-    "MOTOR_LOAD",
-    "PHASE_LOCKED_LOOP",
-    "RAMP_LIMIT",
-    "REACTIVE_CURRENT_LAG",
-    "REACTIVE_POWER_LAG",
-    "RIDE_THROUGH",
-    "RIDE_THROUGH_TRIP",
-    "SATURATION",
-    "STABILISER",
-    "STATIC_ACTIVE",
-    "STATIC_REACTIVE",
-    "STATOR_CURRENT_LIMITER",
-    "UNDER_EXCITATION_LIMITER",
-    "VOLTS_PER_HERTZ_LIMITER",
-    "VOLT_VAR",
     "Effect",
     "branch_trip",
     "common_skew",
+    "effects_of",
     "forced_oscillation",
     "latent_input",
     "measurement_effects",

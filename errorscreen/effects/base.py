@@ -1,8 +1,7 @@
 """An effect: a mechanism that a model lacks, as data that the engine switches on and off.
 
-Every effect of the library is compiled into the models it fits, and does nothing while its strength is zero:
-the calls are skipped where no simulation of a block uses them, and **at strength 0 an effect is an exact
-identity**, bit for bit, also beside simulations that use it.
+Every effect of the library is compiled into the models of its devices. **At strength 0 it is an exact identity**, bit
+for bit, also beside simulations that use it; its calls are skipped where no simulation of a block uses it.
 """
 
 from __future__ import annotations
@@ -20,13 +19,13 @@ from errorscreen.parameters import Parameter
 
 Values = dict[str, NDArray[np.float64]]
 
-#: what an effect is: part of the plant, of the measurement, of what happened in the grid, or an unknown signal
+#: an effect belongs to the plant, to the measurement, to the event in the grid, or is an unknown signal
 KINDS = ("mechanism", "measurement", "event", "latent")
-#: before the name of a measured channel in a port, and the port that stands for all of them
+#: prefix of a port that is a measured channel, and the port of all channels
 CHANNEL, ALL_CHANNELS = "channel.", "channels"
-#: between the name of an effect and that of the only recording in which it acts
+#: between the name of an effect and the name of the only recording in which it acts
 DURING = "@"
-#: scale of an effect's parameter in multiples of its range: a prior of 0.3 times that is nearly flat
+#: scale of a parameter in multiples of its range: a prior of 0.3 times that is nearly flat
 _SCALE = 2.0
 
 
@@ -36,19 +35,10 @@ def nothing(values: Values, h: float) -> Values:
 
 
 def strength(
-    name: str,
-    typical: float,
-    upper: float,
-    unit: str,
-    of: str,
-    symbol: str,
-    description: str,
-    lower: float = 0.0,
-    scale: float | None = None,
-) -> Parameter:
-    """First parameter of an effect, which is the identity at 0; for the others see `value`.
-
-    Where more is known of its size than its range, `scale` says so: the prior's standard deviation is 0.3 times that.
+    name: str, typical: float, upper: float, unit: str, of: str, symbol: str, description: str,
+    lower: float = 0.0, scale: float | None = None,
+) -> Parameter:  # fmt: skip
+    """First parameter of an effect, which is the identity at 0; see `value` for the others.
 
     Examples
     --------
@@ -59,17 +49,12 @@ def strength(
 
 
 def value(
-    name: str,
-    typical: float,
-    lower: float,
-    upper: float,
-    unit: str,
-    of: str,
-    symbol: str,
-    description: str,
+    name: str, typical: float, lower: float, upper: float, unit: str, of: str, symbol: str, description: str,
     scale: float | None = None,
-) -> Parameter:
-    """Parameter of an effect. Nothing is known about it but its range, so its scale is wide.
+) -> Parameter:  # fmt: skip
+    """Parameter of an effect. Where only its range is known, its scale is wide.
+
+    The prior's standard deviation is 0.3 times `scale`.
 
     Examples
     --------
@@ -94,12 +79,11 @@ class Effect:
         The quantity it changes: a port of the device, ``"channel." + name`` for a measured channel, or ``"channels"``
         for all of them.
     equations : callable
-        The first argument, ``value``, is the quantity at the port. The others are quantities of the device or the
+        The first argument, ``value``, is the quantity at the port. The others are quantities of the device, or the
         effect's own states, parameters and derived constants. Returns the new value, then those of the ports
-        `beside`, which it reads by their names, then the derivatives of the states. Of a measurement:
-        ``equations(values, h, *parameters)`` returns the record (n, L) as it is measured, from the record ``values``
-        (n, L) with the step `h` in seconds and parameters (n,). Of an event: ``equations(event, *parameters)``
-        returns the event as it was, from the one that is simulated.
+        `beside`, then the derivatives of the states. Of a measurement: ``equations(values, h, *parameters)`` returns
+        the measured record (n, L) from the true one ``values`` (n, L), with the step `h` in seconds and parameters
+        (n,). Of an event: ``equations(event, *parameters)`` returns the event as it was.
     parameters : tuple of Parameter
         The first is the strength: 0 is allowed and is the identity.
     states : tuple of str
@@ -111,9 +95,11 @@ class Effect:
         `values` holds all of the device at its equilibrium, the effect's parameters, and ``"t_event"`` and
         ``"t_stop"``, the seconds from the beginning of the record to the event and to its end.
     recorded : callable, optional
-        Of a measurement: ``recorded(value, *parameters)`` returns the true value before the event, from the recorded
-        one that a playback starts from.
+        Of a measurement: ``recorded(value, *parameters)`` returns the true value before the event from the recorded
+        one.
     kind : {"mechanism", "measurement", "event", "latent"}
+    devices : tuple of str
+        Names of the devices whose models it is compiled into.
     device : str
         Unit of a grid that it belongs to; empty in a plant, and for a measurement.
     description : str
@@ -123,20 +109,18 @@ class Effect:
     source : str
         Where the equations come from.
     confused_with : tuple of str
-        What produces a similar error.
+        Causes of a similar error.
     beside : tuple of str
-        Further ports that it changes, written by the same equations of the device.
+        Further ports that it changes; the same equations of the device write them.
     minima : int
-        About how many local minima a fit of its parameters has; a search draws that many times more values. Frequency
-        and phase of an oscillation have many, and so have timers.
+        Rough number of local minima of a fit; a search draws that many times more values. Oscillations and timers have
+        many.
     smallest : mapping of str to float
-        Of a parameter whose range begins at 0, or is symmetrical: smallest magnitude that matters. A search draws in
-        the logarithm from there.
+        Smallest magnitude of a parameter that matters; a search draws in the logarithm from there.
     event_specific : bool
-        Belongs to what happened during one recording, and not to the plant: an error of the event's record, or a forced
-        oscillation. Nothing follows from it for other recordings.
+        Belongs to one recording and not to the plant: an error of the event's record, or a forced oscillation.
     recording : str
-        Name of the only event in which it acts, see `during`; empty for all.
+        Name of the only event in which it acts; empty for all.
     """
 
     name: str
@@ -149,6 +133,7 @@ class Effect:
     initialise: Callable[[Values, float], Values] = nothing
     recorded: Callable[..., NDArray[np.float64]] | None = None
     kind: str = "mechanism"
+    devices: tuple[str, ...] = ()
     device: str = ""
     description: str = ""
     formula: str = ""
@@ -171,7 +156,7 @@ class Effect:
 
     @property
     def channel(self) -> str:
-        """Measured channel that it acts on; empty for one that acts on all, or inside the model."""
+        """Measured channel that it acts on; empty for all channels, and inside the model."""
         return self.port.removeprefix(CHANNEL) if self.port.startswith(CHANNEL) else ""
 
     def distorts(self, channel: str) -> bool:
@@ -202,7 +187,7 @@ class Effect:
         recording : str
             Name of the event.
         rename : bool
-            Whether its name tells that: otherwise a model can have it for one recording only.
+            Whether its name holds the recording; otherwise a model can have it for one recording only.
 
         Examples
         --------
@@ -221,7 +206,7 @@ class Effect:
         return self.recording in ("", event.name)
 
     def clashes_with(self, other: Effect) -> bool:
-        """Whether a model cannot have both: the same effect in the same event. Errors of its record add up."""
+        """Whether a model cannot have both: the same effect in the same event. Errors of an event's record add up."""
         if self.name == other.name:
             return True
         apart = self.recording and other.recording and self.recording != other.recording
@@ -229,7 +214,7 @@ class Effect:
 
     @property
     def original(self) -> str:
-        """Name without that of a recording: the one that a model knows it by."""
+        """Name in the model, without the recording."""
         return self.name.partition(DURING)[0]
 
     def local(self, name: str) -> str:

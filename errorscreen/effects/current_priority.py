@@ -7,8 +7,8 @@ With priority π for the active current (0: reactive current first, as in (PV10)
     I_q^a &= [I_q^u]_{\pm\sqrt{I_{max}^2 - I_p^2}},\quad I_p = [I_p^u]_0^{I_{max}}             & (Y1)\\
     I_p^* &= (1 - \pi) I_p^r + \pi I_p^a,\quad I_q^* = (1 - \pi) I_q^r + \pi I_q^a              & (Y2)
 
-where r and a are the commands under either priority and u those without a limit. The equations are those of the
-device's current limit; the effect sets π.
+with the commands r and a under either priority, and u without a limit. The device's own current limit holds these
+equations; the effect sets π.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ CURRENT_PRIORITY = Effect(
     name="priority",
     title="Current limit with priority for active current",
     port="priority",
+    devices=("pv_plant",),
     formula="Ip first up to Imax, |Iq| ≤ √(Imax² − Ip²), by the given share",
     equations=priority,
     parameters=(

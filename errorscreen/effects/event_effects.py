@@ -1,4 +1,4 @@
-r"""Event effects: what happened in the grid was not what the record of the event says.
+r"""Event effects: the event in the grid differed from its record.
 
 .. math::
 
@@ -6,8 +6,8 @@ r"""Event effects: what happened in the grid was not what the record of the even
     Z_f &= Z_f^* + j x                                                                      & (E2)\\
     Y_{branch} &= (1 - s)\,Y_{branch}^*\ \text{once the fault is cleared}                     & (E3)
 
-a fault of other duration (E1), with another impedance (E2), and a branch that is opened when the fault is cleared (E3),
-wholly for s = 1.
+Another duration (E1) or impedance (E2) of a fault, and a branch that opens when the fault is cleared (E3), wholly for
+s = 1.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import Any
 from errorscreen.effects.base import Effect, strength
 from errorscreen.events import BusFault
 
-#: no fault is made shorter than so many seconds
+#: shortest fault in seconds
 _SHORTEST = 0.005
 
 

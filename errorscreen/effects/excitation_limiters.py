@@ -1,7 +1,7 @@
 r"""Limiters of the excitation: field current, stator current, under-excitation, volts per hertz.
 
-Each integrates the excess of its quantity over a limit and takes that from the field voltage, or adds it (the
-summed-type limiters of IEEE Std 421.5-2016, types OEL, UEL and SCL, with an integral action and no wind-up):
+Each limiter integrates the excess of its quantity over a limit and subtracts it from the field voltage, or adds it
+(the summed-type limiters OEL, UEL and SCL of IEEE Std 421.5-2016, with integral action and without wind-up):
 
 .. math::
 
@@ -15,20 +15,23 @@ with
 - under-excitation: :math:`q = -Q`, s = −1;
 - volts per hertz: :math:`q = V/\omega`, s = 1.
 
-No limit lies below the equilibrium (it is moved just above it), so that a strength of 0 is an identity at any loading.
+A limit below the equilibrium is moved just above it, so that a strength of 0 is an identity at any loading.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from errorscreen.effects.base import Effect, Values, strength, value
+from errorscreen.engine.stages import Equations
 from errorscreen.engine.vmath import clip, hold_at_limits
+from errorscreen.parameters import Parameter
 
 _X_MAX = 3.0
-#: reactive power in pu over which the stator-current limiter changes its direction
+#: reactive power in pu within which the stator-current limiter reverses its direction
 _Q_BAND = 0.05
 _MARGIN = 1e-3
 
@@ -56,6 +59,7 @@ def volts_per_hertz(value: Any, V: Any, omega: Any, limit: Any, x: Any, K: Any) 
 
 
 def _above(chosen: Any, now: Any) -> Values:
+    """Limit that lies above the equilibrium."""
     return {"limit": np.maximum(chosen, now + _MARGIN)}
 
 
@@ -75,86 +79,49 @@ def _start_flux(values: Values, h: float) -> Values:
     return _above(values["VHz_max"], values["V"])
 
 
-_SOURCE = "after the summed-type limiters of IEEE Std 421.5-2016 (types OEL, UEL, SCL)"
+def _limiter(
+    name: str, title: str, equations: Equations, start: Callable[[Values, float], Values],
+    gain: tuple[float, float], limit: Parameter, formula: str, description: str, confused: tuple[str, ...],
+) -> Effect:  # fmt: skip
+    return Effect(
+        name, title, "Efd", equations,
+        (strength("K", *gain, "1/s", limit.device, "K", "integral gain; 0: none"), limit),
+        ("x",), ("limit",), start,
+        devices=("synchronous_machine",),
+        formula=f"{formula}, x ≥ 0",
+        description=description,
+        source="after the summed-type limiters of IEEE Std 421.5-2016 (types OEL, UEL, SCL)",
+        confused_with=confused,
+    )  # fmt: skip
 
-FIELD_CURRENT_LIMITER = Effect(
-    name="field_limiter",
-    title="Field-current (over-excitation) limiter",
-    port="Efd",
-    equations=field_current,
-    parameters=(
-        strength("K", 3.0, 20.0, "1/s", "field-current limiter", "K", "integral gain; 0: none"),
-        value(
-            "If_max", 2.5, 1.2, 4.0, "pu", "field-current limiter", "I_fd,max", "limit of the field current"
-        ),
-    ),
-    states=("x",),
-    derived=("limit",),
-    initialise=_start_field,
-    formula="Efd = Efd* − x, dx/dt = K (Ifd − If_max), x ≥ 0",
-    description="Above its limit the field current is brought down: the machine gives less reactive power after a dip "
-    "or while the voltage stays low than its model does.",
-    source=_SOURCE,
-    confused_with=("a stator-current limiter", "a smaller exciter gain", "a larger Xd"),
-)
-STATOR_CURRENT_LIMITER = Effect(
-    name="stator_limiter",
-    title="Stator-current limiter",
-    port="Efd",
-    equations=stator_current,
-    parameters=(
-        strength("K", 3.0, 20.0, "1/s", "stator-current limiter", "K", "integral gain; 0: none"),
-        value("I_max", 1.1, 0.7, 2.5, "pu", "stator-current limiter", "I_max", "limit of the stator current"),
-    ),
-    states=("x",),
-    derived=("limit",),
-    initialise=_start_stator,
-    formula="Efd = Efd* ∓ x, dx/dt = K (√(Id² + Iq²) − I_max), x ≥ 0",
-    description="While the stator current exceeds its limit, the excitation is changed so that reactive current falls.",
-    source=_SOURCE,
-    confused_with=("a field-current limiter", "a volts-per-hertz limiter"),
-)
-UNDER_EXCITATION_LIMITER = Effect(
-    name="under_excitation",
-    title="Under-excitation limiter",
-    port="Efd",
-    equations=under_excitation,
-    parameters=(
-        strength("K", 5.0, 30.0, "1/s", "under-excitation limiter", "K", "integral gain; 0: none"),
-        value("Q_min", -0.1, -0.6, 0.2, "pu", "under-excitation limiter", "Q_min", "least reactive power"),
-    ),
-    states=("x",),
-    derived=("limit",),
-    initialise=_start_under,
-    formula="Efd = Efd* + x, dx/dt = K (Q_min − Q), x ≥ 0",
-    description="The machine may not consume more reactive power than the limit: the field voltage is raised when "
-    "the voltage of the grid is high.",
-    source=_SOURCE,
-    confused_with=("an exciter", "saturation"),
-)
-VOLTS_PER_HERTZ_LIMITER = Effect(
-    name="volts_per_hertz",
-    title="Volts-per-hertz limiter",
-    port="Efd",
-    equations=volts_per_hertz,
-    parameters=(
-        strength("K", 20.0, 100.0, "1/s", "volts-per-hertz limiter", "K", "integral gain; 0: none"),
-        value(
-            "VHz_max",
-            1.05,
-            1.0,
-            1.2,
-            "pu",
-            "volts-per-hertz limiter",
-            "(V/f)_max",
-            "limit of V over frequency",
-        ),
-    ),
-    states=("x",),
-    derived=("limit",),
-    initialise=_start_flux,
-    formula="Efd = Efd* − x, dx/dt = K (V/ω − VHz_max), x ≥ 0",
-    description="Above the limit of voltage over frequency the field voltage is lowered to protect the iron.",
-    source=_SOURCE,
-    confused_with=("an exciter", "a field-current limiter"),
-)
+
+FIELD_CURRENT_LIMITER = _limiter(
+    "field_limiter", "Field-current (over-excitation) limiter", field_current, _start_field, (3.0, 20.0),
+    value("If_max", 2.5, 1.2, 4.0, "pu", "field-current limiter", "I_fd,max", "limit of the field current"),
+    "Efd = Efd* − x, dx/dt = K (Ifd − If_max)",
+    "Above its limit the field current is brought down: the machine gives less reactive power after a dip, or while "
+    "the voltage stays low, than its model does.",
+    ("a stator-current limiter", "a smaller exciter gain", "a larger Xd"),
+)  # fmt: skip
+STATOR_CURRENT_LIMITER = _limiter(
+    "stator_limiter", "Stator-current limiter", stator_current, _start_stator, (3.0, 20.0),
+    value("I_max", 1.1, 0.7, 2.5, "pu", "stator-current limiter", "I_max", "limit of the stator current"),
+    "Efd = Efd* ∓ x, dx/dt = K (√(Id² + Iq²) − I_max)",
+    "While the stator current exceeds its limit, the excitation is changed so that reactive current falls.",
+    ("a field-current limiter", "a volts-per-hertz limiter"),
+)  # fmt: skip
+UNDER_EXCITATION_LIMITER = _limiter(
+    "under_excitation", "Under-excitation limiter", under_excitation, _start_under, (5.0, 30.0),
+    value("Q_min", -0.1, -0.6, 0.2, "pu", "under-excitation limiter", "Q_min", "least reactive power"),
+    "Efd = Efd* + x, dx/dt = K (Q_min − Q)",
+    "The machine may not consume more reactive power than the limit: the field voltage is raised when the voltage of "
+    "the grid is high.",
+    ("an exciter", "saturation"),
+)  # fmt: skip
+VOLTS_PER_HERTZ_LIMITER = _limiter(
+    "volts_per_hertz", "Volts-per-hertz limiter", volts_per_hertz, _start_flux, (20.0, 100.0),
+    value("VHz_max", 1.05, 1.0, 1.2, "pu", "volts-per-hertz limiter", "(V/f)_max", "limit of V over frequency"),
+    "Efd = Efd* − x, dx/dt = K (V/ω − VHz_max)",
+    "Above the limit of voltage over frequency the field voltage is lowered to protect the iron.",
+    ("an exciter", "a field-current limiter"),
+)  # fmt: skip

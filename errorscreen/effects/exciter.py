@@ -10,7 +10,7 @@ the equilibrium:
     T_E\,\dot E &= K y - E,\quad E_{min} \le E_{fd0} + E \le E_{max}             & (X3)\\
     E_{fd} &= E_{fd0} + E                                                      & (X4)
 
-The limits are those of a typical static exciter, 0 and 5 pu.
+The limits, 0 and 5 pu, belong to a typical static exciter.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def sexs(value: Any, V: Any, V0: Any, Efd0: Any, x: Any, E: Any, K: Any, TA_TB: 
     """Field voltage and derivatives of lead-lag and exciter, (X1) to (X4)."""
     e = V0 - V
     y = x + TA_TB * (e - x)
-    # limits never cut into the equilibrium, so that K = 0 is an identity at any loading
+    # the limits hold the equilibrium, so that K = 0 is an identity at any loading
     low = clip(_E_MIN - Efd0, -1e9, 0.0)
     high = clip(_E_MAX - Efd0, 0.0, 1e9)
     return value + clip(E, low, high), (e - x) / TB, hold_at_limits(E, (K * y - E) / TE, low, high)
@@ -43,6 +43,7 @@ EXCITER = Effect(
     name="exciter",
     title="Excitation system (SEXS)",
     port="Efd",
+    devices=("synchronous_machine",),
     equations=sexs,
     parameters=(
         strength("K", 100.0, 400.0, "pu", "exciter", "K", "gain; 0 leaves the field voltage constant"),

@@ -2,7 +2,7 @@ r"""Forced oscillation: a source inside the plant that swings whatever the grid 
 
 .. math:: u = u^* + A \sin\big(2\pi f (t - t_0)\big)\ \text{for}\ t \ge t_0                     \qquad (F1)
 
-with t counted from the beginning of the record. A negative :math:`t_0` says that it has been swinging before.
+with t counted from the beginning of the record. With a negative :math:`t_0` it swings from the beginning.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ def oscillation(value: Any, t: Any, A: Any, f: Any, t0: Any) -> Any:
     return select(t >= t0, value + A * s, value), 1.0 + 0.0 * t
 
 
-def forced_oscillation(port: str) -> Effect:
-    """Forced oscillation at a port, for example ``"Pm"``.
+def forced_oscillation(port: str, *devices: str) -> Effect:
+    """Forced oscillation at a port of some devices, for example at ``"Pm"`` of ``"synchronous_machine"``.
 
     Examples
     --------
@@ -35,16 +35,7 @@ def forced_oscillation(port: str) -> Effect:
         parameters=(
             strength("A", 0.02, 0.2, "pu", "forced oscillation", "A", "amplitude; 0: none"),
             value("f", 1.0, 0.1, 3.0, "Hz", "forced oscillation", "f", "frequency"),
-            value(
-                "t0",
-                0.0,
-                -2.0,
-                5.0,
-                "s",
-                "forced oscillation",
-                "t_0",
-                "when it begins, after the record does",
-            ),
+            value("t0", 0.0, -2.0, 5.0, "s", "forced oscillation", "t_0", "start, from that of the record"),
         ),
         states=("t",),
         formula="u = u* + A sin(2π f (t − t0)), t ≥ t0",
@@ -54,4 +45,5 @@ def forced_oscillation(port: str) -> Effect:
         confused_with=("a badly damped mode", "a governor"),
         minima=8,
         event_specific=True,
+        devices=devices,
     )

@@ -28,7 +28,7 @@ def tgov1(
     """Mechanical power and derivatives of valve and turbine, (G1) to (G3)."""
     speed = omega - 1.0
     e = clip(speed, -db, db) - speed
-    # limits never cut into the equilibrium, so that K = 0 is an identity at any loading
+    # the limits hold the equilibrium, so that K = 0 is an identity at any loading
     low, high = clip(-Pm0, -1e9, 0.0), clip(_P_MAX - Pm0, 0.0, 1e9)
     gate = clip(g, low, high)
     return (
@@ -42,6 +42,7 @@ GOVERNOR = Effect(
     name="governor",
     title="Turbine-governor (TGOV1) with dead band",
     port="Pm",
+    devices=("synchronous_machine",),
     equations=tgov1,
     parameters=(
         strength("K", 20.0, 50.0, "pu", "governor", "K", "gain, reciprocal of the droop; 0: constant power"),

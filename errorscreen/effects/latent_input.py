@@ -1,4 +1,4 @@
-r"""Latent input: an unknown signal added at a port, to find where something enters that no effect explains.
+r"""Latent input: an unknown signal added at a port, for errors that no effect explains.
 
 Piecewise linear between knots :math:`t_i`, zero before the event and after the last knot, and one pulse:
 
@@ -8,7 +8,7 @@ Piecewise linear between knots :math:`t_i`, zero before the event and after the 
 with hat functions :math:`\Lambda_i`. The knots lie closer together just after the event than later:
 :math:`s(t) = \sqrt{(t - t_e)/W}\,N` maps time after the event to the number of a knot, so that a window of W seconds
 after the event at :math:`t_e` holds N of them. The pulse, at a share c of the window and with a half width w that is no
-larger, shows what knots are too coarse for (`errorscreen.discovery.unknown_input.fine_detail`).
+larger, resolves details finer than the knots (`errorscreen.discovery.unknown_input.fine_detail`).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from errorscreen.parameters import Parameter
 KNOTS = 32
 #: parameters of the pulse: its height, and place and half width as shares of the window
 PULSE = ("pulse", "centre", "width")
-#: the window in units of the clock that s(t) is the root of
+#: length of the window on the clock whose square root is s(t)
 _WINDOW = float(KNOTS**2)
 
 
@@ -66,7 +66,7 @@ def _start(values: Values, h: float) -> Values:
     return {"te": values["t_event"] * one, "rate": KNOTS**2 / (values["t_stop"] - values["t_event"]) * one}
 
 
-def latent_input(port: str, size: float, unit: str = "pu") -> Effect:
+def latent_input(port: str, size: float, unit: str = "pu", devices: tuple[str, ...] = ()) -> Effect:
     """Unknown signal at a port.
 
     Parameters
@@ -76,6 +76,8 @@ def latent_input(port: str, size: float, unit: str = "pu") -> Effect:
         Largest value of the signal.
     unit : str
         Of the port.
+    devices : tuple of str
+        Devices that have the port.
 
     Examples
     --------
@@ -95,17 +97,16 @@ def latent_input(port: str, size: float, unit: str = "pu") -> Effect:
         parameters=(
             Parameter("on", 1.0, 0.0, 1.0, "", of, "on", "0: none"),
             Parameter("pulse", 0.0, -size, size, unit, of, "p", "height of the pulse", scale=size),
-            Parameter("centre", 0.0, 0.0, 1.0, "", of, "c", "its place, a share of the window", scale=1.0),
-            Parameter(
-                "width", 1.0, 1e-6, 1.0, "", of, "w", "its half width, a share of the window", scale=1.0
-            ),
+            Parameter("centre", 0.0, 0.0, 1.0, "", of, "c", "its centre, a share of the window", scale=1.0),
+            Parameter("width", 1.0, 1e-6, 1.0, "", of, "w", "half width, a share of the window", scale=1.0),
             *knots,
         ),
         states=("t",),
         derived=("te", "rate"),
         initialise=_start,
         kind="latent",
-        description="A signal of free shape, to find where in the model something enters that no effect explains.",
+        devices=devices,
+        description="A signal of free shape, which shows the place of an error that no effect explains.",
         source="definition, (I1)",
         confused_with=("any effect at the same port",),
     )

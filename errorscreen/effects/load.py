@@ -1,4 +1,4 @@
-r"""Loads that are no constant impedances: dependence on voltage and frequency, and motors.
+r"""Loads other than constant impedances: dependence on voltage and frequency, and motors.
 
 In per unit of the load's apparent power, with the quantities of `errorscreen.models.loads.load`:
 
@@ -95,11 +95,10 @@ def _static(part: str, port: str, equations: Any) -> Effect:
     return Effect(
         f"static_{part}", f"Voltage dependence of the {part} load", port, equations,
         (
-            strength(
-                "s", 0.5, 1.5, "", "load", "s", "share that is no constant impedance; 0: none", -0.5
-            ),
+            strength("s", 0.5, 1.5, "", "load", "s", "share that is no constant impedance; 0: none", -0.5),
             value("c", 1.0, 0.0, 1.0, "", "load", "c", "1: constant current, 0: constant power"),
         ),
+        devices=("load",),
         formula=f"Δ{port[1]} = {port[1]}0 (r/ρ)² s (c ρ + 1 − c − ρ²)",
         description=f"The {part} power of the load falls less with the voltage than that of a constant impedance: "
         "lower voltages after a fault and in stationary states near it.",
@@ -113,6 +112,7 @@ STATIC_REACTIVE = _static("reactive", "dQ", static_reactive)
 FREQUENCY_DEPENDENCE = Effect(
     "frequency_dependence", "Frequency dependence of the load", "dP", frequency,
     (strength("k", 1.5, 5.0, "pu/pu", "load", "k", "active power for each frequency; 0: none"),),
+    devices=("load",),
     formula="ΔP = P0 r² k F",
     description="Fans and pumps take less power at lower frequency, which damps swings and settles the frequency "
     "higher.",
@@ -123,15 +123,14 @@ MOTOR_LOAD = Effect(
     "motor", "Induction motors in the load", "Mr", motor,
     (
         strength("m", 0.3, 0.9, "", "motors", "m", "share of the active power that motors draw; 0: none"),
-        value("H", 0.7, 0.2, 2.0, "s", "motors", "H", "inertia constant of motors and what they drive"),
+        value("H", 0.7, 0.2, 2.0, "s", "motors", "H", "inertia constant of motors and driven machines"),
         value("c", 1.0, 0.0, 1.0, "", "motors", "c", "share of the torque that does not depend on speed"),
     ),
-    states=("Er", "Ei", "slip"),
-    derived=("share", "gr", "gi", "torque"),
+    ("Er", "Ei", "slip"), ("share", "gr", "gi", "torque"), _start,
     beside=("Mi",),
-    initialise=_start,
+    devices=("load",),
     formula="M = m* (I − W/Z0), I = (W − E')/(Rs + jX'), 2H dσ/dt = τ(σ) − Re(E' I*)",
-    description="Motors slow down during a fault and draw several times their current behind it: the voltage recovers "
+    description="Motors slow down during a fault and draw several times their current after it: the voltage recovers "
     "late or not at all, with far more reactive power than any static load.",
     source="Milano, Power System Modelling and Scripting, 2010, section 15.2; IEEE Trans. Power Syst. 10(3), 1995",
     confused_with=("a static load of constant power", "missing voltage support"),

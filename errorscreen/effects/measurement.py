@@ -1,4 +1,4 @@
-r"""Measurement effects: what a transducer, a meter or a clock does to a channel.
+r"""Measurement effects: faults of a transducer, a meter or a clock.
 
 .. math::
 
@@ -12,7 +12,7 @@ r"""Measurement effects: what a transducer, a meter or a clock does to a channel
 Scale (N1), offset (N2), clock skew (N3) and lag (N4). (N5) is the first-order-hold equivalent of (N4), exact for a
 signal that is linear between the steps h of the integration (Franklin, Powell, Workman, *Digital Control of Dynamic
 Systems*, 3rd ed., section 6.3.2); it is stable for any T and becomes the identity at T = 0. A playback starts from the
-recorded power; with (N1) and (N2) the true power is another, and the simulation starts there.
+recorded power; with (N1) and (N2) it starts from the true power, which differs.
 """
 
 from __future__ import annotations
@@ -27,8 +27,7 @@ from numpy.typing import NDArray
 from errorscreen.effects.base import ALL_CHANNELS, CHANNEL, Effect, strength
 from errorscreen.parameters import Parameter
 
-#: scale errors and offsets of instruments are a few per cent, so that larger ones have to be shown: standard deviation
-#: of the prior, 5 %, over 0.3, see `strength`
+#: scale of scale errors and offsets, which are a few per cent: standard deviation of the prior, 5 %, over 0.3
 _USUAL = 0.05 / 0.3
 
 _Array = NDArray[np.float64]
@@ -103,7 +102,7 @@ def measurement_effects(
     unit : str
         Of the channels.
     size : float
-        Of what they measure, in that unit; offsets are at most a fifth of it.
+        Of the measured quantities, in that unit; offsets are at most a fifth of it.
     late : float
         Largest clock skew in seconds; lags are at most 2.5 times as long.
 
@@ -120,7 +119,7 @@ def measurement_effects(
 
 
 def common_skew(late: float = 0.2) -> Effect:
-    """Clock skew of all compared channels together against what is injected.
+    """Clock skew of all compared channels together against the injected voltage.
 
     Parameters
     ----------

@@ -22,6 +22,7 @@ PHASE_LOCKED_LOOP = Effect(
     name="pll",
     title="Slower or faster phase-locked loop",
     port="d_theta",
+    devices=("dfig_plant",),
     equations=slower_loop,
     parameters=(
         strength("s", 2.0, 14.0, "", "phase-locked loop", "s", "gain K_PLL / (1 + s); 0: as modelled", -0.6),

@@ -5,11 +5,11 @@ r"""Ramp limit of active power: after a fault the current command comes back wit
     I &= \min(u,\ x + \tau/T_r)                                                             & (U1)\\
     \dot x &= \min\big((u - x)/\tau,\ 1/T_r\big)                                               & (U2)
 
-with the command u and what acts, I. While u rises faster than :math:`1/T_r`, I rises with exactly :math:`1/T_r`; a
+with the command u and the limited one I. While u rises faster than :math:`1/T_r`, I rises with exactly :math:`1/T_r`; a
 fall is followed at once, and so is a rise that is slower. The state x follows I with the short time constant τ = 10 ms,
 but at least two steps of the integration, so that the return begins where the command was down to. The limit stands
-behind the outer loops, as the device's own limit of the rise does: what they integrate meanwhile lets the power
-overshoot at the end of the ramp.
+behind the outer loops, like the device's own limit of the rise: they integrate meanwhile, so that the power overshoots
+at the end of the ramp.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def _start(values: Values, h: float) -> Values:
     return {
         "x": values["P"] / values["V"] * np.ones_like(Tr),
         "tau": np.full_like(Tr, max(_TAU, 2.0 * h)),
-        # nothing is divided by 0 beside simulations that use the effect
+        # simulations without the effect must not divide by 0
         "rate": np.where(on, 1.0 / np.where(on, Tr, 1.0), 0.0),
     }
 
@@ -48,10 +48,11 @@ RAMP_LIMIT = Effect(
     name="ramp",
     title="Ramp limit of active power after the fault",
     port="Ip_cmd",
+    devices=("dfig_plant", "pv_plant"),
     equations=ramp_limit,
     parameters=(
         strength(
-            "Tr", 1.0, 30.0, "s", "ramp limit", "T_r", "time in which the current rises by 1 pu; 0: none"
+            "Tr", 1.0, 30.0, "s", "ramp limit", "T_r", "time for a rise of the current by 1 pu; 0: none"
         ),
     ),
     states=("x",),

@@ -70,15 +70,17 @@ def _cessation(
     ranges: dict[str, tuple[float, float, float]],
     text: str,
     confused: tuple[str, ...],
+    devices: tuple[str, ...],
     *,
     high: bool = False,
 ) -> Effect:
-    """Effect with typical value and range of its threshold and of each duration."""
+    """Effect with (typical, lower, upper) of its threshold and of each duration."""
     of, beyond = "ride-through", "above" if high else "below"
     return Effect(
         name=name,
         title=title,
         port="release",
+        devices=devices,
         equations=high_voltage_trip if high else cessation,
         parameters=(
             strength("s", 1.0, 1.0, "", of, "s", "share of the current that stops; 0: none"),
@@ -113,6 +115,7 @@ RIDE_THROUGH = _cessation(
         "priority for reactive current",
         "a current limit",
     ),
+    ("dfig_plant", "pv_plant"),
 )
 RIDE_THROUGH_TRIP = _cessation(
     "trip",
@@ -121,6 +124,7 @@ RIDE_THROUGH_TRIP = _cessation(
     "The voltage stays below a threshold for longer than the ride-through curve allows: the plant trips, waits until "
     "it may connect again, and ramps up. Only long recordings show it.",
     ("momentary cessation", "a lower ramp limit after the fault", "a disconnection by other protection"),
+    ("pv_plant",),
 )
 HIGH_VOLTAGE_TRIP = _cessation(
     "trip_high",
@@ -129,5 +133,6 @@ HIGH_VOLTAGE_TRIP = _cessation(
     "The voltage stays above a threshold for longer than the ride-through curve allows: the plant trips, waits until "
     "it may connect again, and ramps up. The model has no limit upwards.",
     ("a volt-var or volt-watt droop", "a disconnection by other protection"),
+    ("pv_plant",),
     high=True,
 )

@@ -20,7 +20,7 @@ from errorscreen.engine.vmath import clip
 
 
 def saturation(value: Any, Eq1: Any, S0: Any, A: Any, E1: Any) -> Any:
-    """Field voltage less what saturation consumes beyond the equilibrium, (B1), (B2)."""
+    """Field voltage less the share of saturation beyond the equilibrium, (B1), (B2)."""
     over = clip(Eq1 - E1, 0.0, 1e9)
     return (value - (A * over * over - S0),)
 
@@ -33,11 +33,10 @@ SATURATION = Effect(
     name="saturation",
     title="Magnetic saturation",
     port="Efd",
+    devices=("synchronous_machine",),
     equations=saturation,
     parameters=(
-        strength(
-            "A", 3.0, 12.0, "1/pu", "saturation", "A", "curvature of the saturation function; 0: linear"
-        ),
+        strength("A", 3.0, 12.0, "1/pu", "saturation", "A", "curvature of the saturation; 0: linear"),
         value("E1", 0.8, 0.6, 1.1, "pu", "saturation", "E_1", "voltage at which saturation begins"),
     ),
     derived=("S0",),

@@ -31,6 +31,7 @@ STABILISER = Effect(
     name="stabiliser",
     title="Power system stabiliser",
     port="Efd",
+    devices=("synchronous_machine",),
     equations=stabiliser,
     parameters=(
         strength("K", 60.0, 300.0, "pu", "stabiliser", "K", "field voltage per speed deviation; 0: none"),

@@ -44,6 +44,7 @@ VOLT_VAR = Effect(
     name="volt_var",
     title="Volt-var droop with dead band",
     port="Qref",
+    devices=("pv_plant",),
     equations=volt_var,
     parameters=(
         strength("K", 4.0, 40.0, "pu", "volt-var control", "K", "reactive power per voltage; 0: none"),

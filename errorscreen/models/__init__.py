@@ -1,5 +1,6 @@
 """Models of devices, each in its own file with its equations and their sources."""
 
+from errorscreen._runtime.registry import Registry
 from errorscreen.models.device import Constant, Device, GridInterface
 from errorscreen.models.loads.load import LOAD
 from errorscreen.models.machines.fixed import FixedMachine
@@ -7,8 +8,17 @@ from errorscreen.models.machines.two_axis import SYNCHRONOUS_MACHINE
 from errorscreen.models.renewables.dfig_plant import DFIG_PLANT
 from errorscreen.models.renewables.pv_plant import PV_PLANT
 
-#: every plant by name
-DEVICES = {device.name: device for device in (SYNCHRONOUS_MACHINE, DFIG_PLANT, PV_PLANT)}
+#: Devices that a plant can be, in playback or in a grid.
+DEVICES: Registry[Device] = Registry(
+    "device",
+    "errorscreen.devices",
+    Device,
+    {
+        "synchronous_machine": SYNCHRONOUS_MACHINE,
+        "dfig_plant": DFIG_PLANT,
+        "pv_plant": PV_PLANT,
+    },
+)
 
 __all__ = [
     "DEVICES",

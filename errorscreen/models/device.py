@@ -1,4 +1,4 @@
-"""What every device declares: parameters, constants, states, equations and its exact equilibrium."""
+"""Declaration of a device: parameters, constants, states, equations and its exact equilibrium."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Values = dict[str, NDArray[np.float64]]
 
 @dataclass(frozen=True)
 class Constant:
-    """A value of a device that is not a candidate for calibration.
+    """Value of a device that is never calibrated.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class GridInterface:
     Parameters
     ----------
     kind : {"rotor", "norton", "current"}
-        What the device is for the grid: electromotive forces Ed1, Eq1 behind Ra, Xd1, Xq1 in the rotor's frame of
+        The device seen from the grid: electromotive forces Ed1, Eq1 behind Ra, Xd1, Xq1 in the rotor's frame of
         angle delta; the current Cr + jCi beside the reactance Xpp; or the current Cr + jCi alone.
     source : tuple of callable
         Stages before the solution of the grid; they write Cr and Ci.
@@ -76,10 +76,10 @@ class Device:
     candidates : ParameterSpace
         The candidate parameters with typical values and ranges.
     constants : tuple of Constant
-        Everything else that the equations need.
+        All other values in the equations.
     states : tuple of str
     setpoints : tuple of str
-        References that `initialise` computes so that the device rests at the given operating point.
+        References that `initialise` computes, so that the device rests at the operating point.
     stages : tuple of callable
         Functions of equations (`errorscreen.engine.stage`) in the order of evaluation.
     initialise : callable
@@ -127,7 +127,7 @@ class Device:
         ----------
         changes : mapping of str to float, optional
         in_grid : bool
-            With those of the connection to a grid.
+            With the constants of the connection to a grid.
 
         Raises
         ------

@@ -1,8 +1,8 @@
-r"""How a device is connected to a simulated grid, where its terminal voltage is a result and not given.
+r"""Connection of a device to a simulated grid, where its terminal voltage is a result.
 
 Currents and voltages are phasors in the frame that rotates at the nominal frequency. Before the grid is solved a
-device gives what its states determine, the *source*; with the solution it continues with the terminal stages here, in
-place of the first of its own stages. In per unit of the device's own base:
+device gives its *source*, which follows from its states; with the solution it continues with the terminal stages here,
+in place of its own first stage. In per unit of the device's own base:
 
 .. math::
 

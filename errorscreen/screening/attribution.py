@@ -68,8 +68,6 @@ class AttributionScreener(BaseScreener):
 
     samples_: NDArray[np.float64]
     calibrator_: MAPCalibrator
-    n_simulations_: int
-    n_failed_: int
 
     def __init__(
         self,
@@ -112,12 +110,15 @@ class AttributionScreener(BaseScreener):
             axis=0,
         )
         self.samples_ = labels[np.isfinite(labels).all(axis=1)]
-        self.n_failed_ = self.calibrator_.n_failed_ + len(labels) - len(self.samples_)
         if not len(self.samples_):
             raise SimulationError("no sample around the calibrated values could be simulated.")
         labelling = n_samples * (len(space) + 1) * len(observations)
-        self.n_simulations_ = self.calibrator_.n_simulations_ + labelling
-        self._store(self.samples_.mean(axis=0), space.names)
+        self._store(
+            self.samples_.mean(axis=0),
+            space.names,
+            self.calibrator_.n_simulations_ + labelling,
+            self.calibrator_.n_failed_ + len(labels) - len(self.samples_),
+        )
         return self
 
     def inclusion_probability(self, k: int) -> NDArray[np.float64]:

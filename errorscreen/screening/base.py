@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -96,12 +97,39 @@ class BaseScreener(BaseEstimator, ABC):
         Indices of the parameters from the most to the least suspicious.
     ranked_names_ : tuple of str
         Their names in that order.
+    n_simulations_, n_failed_ : int
+        Simulations that the ranking used, and how many of them failed.
+    trains : bool
+        Whether the screener trains a network: a case file then runs it beside the search, on a coarser step.
     """
+
+    trains: ClassVar[bool] = False
 
     contributions_: NDArray[np.float64]
     names_: tuple[str, ...]
     ranking_: NDArray[np.int64]
     ranked_names_: tuple[str, ...]
+    n_simulations_: int
+    n_failed_: int
+
+    @classmethod
+    def from_case(
+        cls, simulator: Any, section: Any, run: Any, folder: Path | None = None, progress: bool = False
+    ) -> Self:
+        """Unfitted screener for a case file.
+
+        Parameters
+        ----------
+        simulator : Simulator
+        section, run : ScreeningSection, RunSection
+            Sections of the case file. Without an override only `run.random_state` is used.
+        folder : Path, optional
+            For intermediate results.
+        progress : bool
+            Show progress bars.
+        """
+        options = {"random_state": run.random_state, "progress": progress}
+        return cls(simulator, **{k: v for k, v in options.items() if k in cls._get_param_names()})
 
     @abstractmethod
     def fit(self, X: Any, y: None = None) -> Any:
@@ -153,11 +181,14 @@ class BaseScreener(BaseEstimator, ABC):
         check_is_fitted(self, "contributions_")
         return ParameterRanking(self.contributions_, self.names_)
 
-    def _store(self, contributions: ArrayLike, names: Sequence[str]) -> None:
+    def _store(
+        self, contributions: ArrayLike, names: Sequence[str], n_simulations: int = 0, n_failed: int = 0
+    ) -> None:
         self.contributions_ = np.asarray(contributions, dtype=float)
         self.names_ = tuple(names)
         found = self._result()
         self.ranking_, self.ranked_names_ = found.order, found.ranked_names
+        self.n_simulations_, self.n_failed_ = n_simulations, n_failed
 
     def __repr__(self, N_CHAR_MAX: int = 700) -> str:
         return shortened(" ".join(super().__repr__(N_CHAR_MAX).split()))

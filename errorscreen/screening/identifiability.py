@@ -51,8 +51,6 @@ class IdentifiabilityScreener(BaseScreener):
     3
     """
 
-    n_simulations_: int
-
     def __init__(self, simulator: Simulator, *, step: float = 1e-4) -> None:
         self.simulator = simulator
         self.step = step
@@ -79,6 +77,5 @@ class IdentifiabilityScreener(BaseScreener):
         contributions = np.zeros(m)
         diagonal = np.abs(np.diag(R[:m]))
         contributions[order[: len(diagonal)]] = diagonal
-        self._store(contributions, problem.names)
-        self.n_simulations_ = problem.n_simulations
+        self._store(contributions, problem.names, problem.n_simulations, problem.n_failed)
         return self

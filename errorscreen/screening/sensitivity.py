@@ -65,5 +65,6 @@ class SensitivityScreener(BaseScreener):
             responses = Responses(found.responses, found.status, observation.time, self.simulator.channels)
             responses.require_ok("a simulation at or next to the nominal parameters")
             sensitivities.append(found.values[0])
-        self._store(np.mean(sensitivities, axis=0), self.simulator.parameters.names)
+        names = self.simulator.parameters.names
+        self._store(np.mean(sensitivities, axis=0), names, len(sensitivities) * (len(names) + 1))
         return self

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from time import perf_counter
 
-from errorscreen.calibration import MAPCalibrator, PSOCalibrator
+from errorscreen.calibration import CALIBRATORS, MAPCalibrator
 from errorscreen.calibration.result import Calibration
 from errorscreen.cases.case_models import CalibrationSection, RunSection
 from errorscreen.data.observations import Observation
@@ -35,26 +35,17 @@ def calibrate_map(
     return Calibration.of(calibrator, "map", seconds=perf_counter() - start)
 
 
-def calibrate_pso(
+def calibrate(
+    method: str,
     simulator: Simulator,
     observation: Observation,
-    names: Sequence[str],
+    names: Sequence[str] | None,
     selection: str,
     section: CalibrationSection,
     run: RunSection,
     progress: bool,
 ) -> Calibration:
-    """Selected parameters by particle swarm, as in the paper."""
+    """Selected parameters, or all, by a method of `CALIBRATORS`."""
     start = perf_counter()
-    calibrator = PSOCalibrator(
-        simulator,
-        names,
-        n_particles=section.particles,
-        n_iterations=section.iterations,
-        inertia=section.inertia,
-        cognitive=section.cognitive,
-        social=section.social,
-        random_state=run.random_state,
-        progress=progress,
-    ).fit(observation)
-    return Calibration.of(calibrator, "pso", selection, perf_counter() - start)
+    calibrator = CALIBRATORS[method].from_case(simulator, names, section, run, progress).fit(observation)
+    return Calibration.of(calibrator, method, selection, perf_counter() - start)

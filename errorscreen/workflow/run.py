@@ -24,6 +24,7 @@ import errorscreen
 from errorscreen._runtime.processes import in_subprocess
 from errorscreen._runtime.store import Store
 from errorscreen._runtime.typed import from_json, to_json
+from errorscreen.calibration import CALIBRATORS
 from errorscreen.calibration.result import Calibration
 from errorscreen.data.observations import Observation
 from errorscreen.discovery import CauseFinder, Contribution, Diagnosis, FirstLook, ModelFit
@@ -35,9 +36,10 @@ from errorscreen.learning.regressors import import_network, require_network
 from errorscreen.metrics import top_k_overlap
 from errorscreen.report import Result
 from errorscreen.report.result import ChannelInfo, RecordingInfo, Role, Run, Screening, StudyInfo
+from errorscreen.screening import SCREENERS
 from errorscreen.simulators.base import REMEDIES, Simulator, Status
 from errorscreen.workflow.advice import advice, doubts
-from errorscreen.workflow.calibrate import calibrate_map, calibrate_pso
+from errorscreen.workflow.calibrate import calibrate, calibrate_map
 from errorscreen.workflow.outcome import Outcome
 from errorscreen.workflow.screen import screen
 from errorscreen.workflow.search_step import search_simulator
@@ -150,8 +152,8 @@ def _selecting(
     def here() -> _Selected:
         return _selected(study, Store(store.folder), progress)
 
-    trained = store.under(study.fingerprint("screening")).has("screening-cnn")
-    if trained or "cnn" not in study.screening.methods:
+    stages, methods = store.under(study.fingerprint("screening")), study.screening.methods
+    if not any(SCREENERS[name].trains and not stages.has(f"screening-{name}") for name in methods):
         found = here()
         yield lambda: None, lambda: found
         return
@@ -200,20 +202,17 @@ def _selected(study: Study, store: Store, progress: bool) -> _Selected:
     screened = [_screened(method, study, store, progress) for method in study.screening.methods]
     calibrated, settings = [], (study.calibration, study.run, progress)
     for method in study.calibration.methods:
-        for one in screened if method != "map" else ():
-            _log.info(
-                "calibration: %s on the selection of %s: %s", method, one.method, ", ".join(one.selected)
-            )
-            calibrated.append(
-                _kept(
-                    store.under(study.fingerprint("calibration", one.selected)),
-                    f"calibration-{method}-{one.method}",
-                    Calibration,
-                    partial(
-                        calibrate_pso, study.simulator, study.observation, one.selected, one.method, *settings
-                    ),
-                )
-            )
+        if method == "map":
+            continue  # the diagnosis holds this fit
+        selections: list[tuple[str, tuple[str, ...] | None]] = [("all", None)]
+        if CALIBRATORS[method].selects:
+            selections = [(one.method, one.selected) for one in screened]
+        for selection, names in selections:
+            of = "all parameters" if names is None else f"the selection of {selection}: {', '.join(names)}"
+            _log.info("calibration: %s on %s", method, of)
+            fit = partial(calibrate, method, study.simulator, study.observation, names, selection, *settings)
+            stages = store.under(study.fingerprint("calibration", names))
+            calibrated.append(_kept(stages, f"calibration-{method}-{selection}", Calibration, fit))
     return _Selected(screened, calibrated, store.reused)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
+from errorscreen._runtime.registry import other_packages
 from errorscreen._runtime.store import digest, program
 from errorscreen.cases import Case
 from errorscreen.cases.case_models import CalibrationSection, DiscoverySection, RunSection, ScreeningSection
@@ -181,6 +182,7 @@ class Study:
         }
         return digest(
             program(),
+            other_packages(),
             stage,
             [(p.name, p.nominal, p.lower, p.upper, p.scale) for p in self.simulator.parameters],
             repr(self.simulator),

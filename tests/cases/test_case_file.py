@@ -4,9 +4,11 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from errorscreen.cases.case_file import _sections, case_reference, load_case
+from errorscreen.cases.case_file import Case, case_reference, load_case
 from errorscreen.cases.case_models import ColumnSection
+from errorscreen.cases.keys import sections
 from errorscreen.cases.model_sections import ParameterSection
+from errorscreen.cli import main
 from errorscreen.data import Column
 from errorscreen.exceptions import InputError
 from errorscreen.parameters import Parameter
@@ -147,10 +149,20 @@ def test_the_reference_names_every_key():
     text = case_reference()
     for heading in ("[recording]", "[recording.columns.NAME]", "[device.parameters.NAME]", "[run]"):
         assert f"### `{heading}`" in text
-    for title, section in _sections():
+    for title, section in sections(Case):
         for key, field in section.model_fields.items():
             assert field.description, (title, key)
             assert any(part in text for part in (f"`{key}`", f".{key}.NAME", f".{key}]"))
+
+
+def test_the_command_line_prints_the_keys_of_a_section(capsys):
+    assert main(["keys", "device"]) == 0
+    printed = capsys.readouterr().out
+    assert "### `[device]`" in printed
+    assert "### `[device.parameters.NAME]`" in printed
+    assert "[run]" not in printed
+    assert main(["keys", "devise"]) == 2
+    assert "unknown section of a case file 'devise' (did you mean 'device'" in capsys.readouterr().err
 
 
 def replaced(old, new):
@@ -167,8 +179,8 @@ BAD = {
     "no path": (replaced('path = "data/rec.csv"', ""), "[recording]: key 'path' is missing."),
     "unknown key": (
         replaced("base_mva", "base_mwa"),
-        "[recording]: unknown key 'base_mwa' (did you mean 'base_mva', 'base_kv'?). Allowed: path, name, base_mva, "
-        "base_kv,",
+        "[recording]: unknown key 'base_mwa' (did you mean 'base_mva', 'base_kv'?). Allowed: path, format, name, "
+        "base_mva, base_kv,",
     ),
     "unknown section": (
         GOOD + "[calibrate]\n",
@@ -217,8 +229,8 @@ BAD = {
     ),
     "unknown method": (
         replaced('["sensitivity", "random"]', '["sensitivty"]'),
-        "screening.methods[1]: unknown value 'sensitivty' (did you mean 'sensitivity'?). Allowed: cnn, sensitivity, "
-        "random.",
+        "screening.methods[1]: unknown screener 'sensitivty' (did you mean 'sensitivity'?). Allowed: cnn, "
+        "sensitivity, identifiability, attribution, random.",
     ),
     "no method": (
         replaced('["sensitivity", "random"]', "[]"),
@@ -226,7 +238,11 @@ BAD = {
     ),
     "method twice": (
         replaced('["sensitivity", "random"]', '["random", "random"]'),
-        "screening: the methods ['random', 'random'] hold one twice. Allowed: each method once.",
+        "screening.methods: 'random' was found twice. Allowed: each name once.",
+    ),
+    "unknown format": (
+        replaced("base_mva = 50", 'base_mva = 50\nformat = "cvs"'),
+        "recording.format: unknown format 'cvs' (did you mean 'csv'?). Allowed: csv.",
     ),
     "unknown sign": (
         replaced('sign = "load"', 'sign = "consumer"'),
@@ -305,7 +321,7 @@ BAD = {
     ),
     "a first look at too little": (
         GOOD + "[discovery]\nfirst_look = 1\n",
-        "discovery.first_look: 1 was found. Allowed: 0 for none, or a whole number >= 20.",
+        "discovery: first_look is 1. Allowed: 0 for none, or a whole number >= 20.",
     ),
     "no effect to try": (
         GOOD + "[discovery]\neffects = []\n",
@@ -313,12 +329,12 @@ BAD = {
     ),
     "effect twice": (
         GOOD + '[discovery]\neffects = ["exciter", "governor", "exciter"]\n',
-        "discovery.effects: 'exciter' was found twice. Allowed: each effect once.",
+        "discovery.effects: 'exciter' was found twice. Allowed: each name once.",
     ),
     "fitted and held out": (
         replaced("[device]", '[[together]]\npath = "data/other.csv"\n[device]'),
         "held_out[1]: 'data/other.csv' is the file of together[1] too. Allowed: each recording once: as [recording], "
-        "in [[together]] or in [[held_out]]. What is fitted cannot confirm what was fitted: leave one of them out.",
+        "in [[together]] or in [[held_out]]. A fitted recording cannot confirm the fit: leave one of them out.",
     ),
     "held out what is fitted": (
         replaced('"data/other.csv"', '"data/rec.csv"\nt_end = 2.5'),

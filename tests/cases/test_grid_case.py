@@ -120,8 +120,7 @@ def test_instants_of_an_event_stay_between_their_samples(stated, start, end):
         assert np.array_equal(time[samples] > instant, time[samples] >= moved - 1e-9)
     assert len(told) == 1 + (abs(stated[0] - start) > 1e-4) + (abs(sum(stated) - end) > 1e-4)
     assert (
-        told[0]
-        == f"What happened, as stated: fault, bus 3, duration {stated[1]}, resistance 0.0, reactance 0.0, "
+        told[0] == f"Event as stated: fault, bus 3, duration {stated[1]}, resistance 0.0, reactance 0.0, "
         "load level 1."
     )
 

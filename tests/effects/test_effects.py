@@ -1,13 +1,16 @@
 """One property test for the whole library: strength 0 is an exact identity."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator
 
-from errorscreen.effects import LIBRARY
+from errorscreen.effects import EFFECTS, EXCITER, effects_of
 from errorscreen.effects.ride_through import RIDE_THROUGH, RIDE_THROUGH_TRIP
 from errorscreen.exceptions import InputError
+from errorscreen.models import DEVICES, LOAD
 from tests.models.reference import Machine
 from tests.plants import DEVICE_NAMES, dip, flat, plant, random_rows
 
@@ -141,4 +144,19 @@ def test_an_effect_on_a_port_that_a_device_lacks_is_refused():
     with pytest.raises(
         InputError, match=r"effect 'exciter' on device 'pv_plant': unknown port 'Efd'.*Ip_cmd"
     ):
-        plant("pv_plant", effects=(LIBRARY["synchronous_machine"][0],))
+        plant("pv_plant", effects=(EXCITER,))
+
+
+def test_every_effect_belongs_to_a_device_that_has_its_ports():
+    ports = {device.name: device.ports for device in (*DEVICES.values(), LOAD)}
+    for name, effect in EFFECTS.items():
+        assert effect.devices, name
+        for device in effect.devices:
+            assert {effect.port, *effect.beside} <= set(ports[device])
+            assert effect in effects_of(device)
+
+
+def test_two_effects_of_a_device_with_the_same_name_are_refused(monkeypatch):
+    monkeypatch.setitem(EFFECTS._items, "another", replace(EXCITER, title="Another exciter"))
+    with pytest.raises(InputError, match="device 'synchronous_machine': 2 effects have the name 'exciter'"):
+        effects_of("synchronous_machine")

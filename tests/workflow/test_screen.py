@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
+from errorscreen._runtime.sampling import latin_hypercube
 from errorscreen.cases.case_models import RunSection, ScreeningSection
 from errorscreen.cases.demo import demo_recordings
+from errorscreen.screening import SCREENERS, RandomScreener
 from errorscreen.simulators import PlantSimulator
-from errorscreen.workflow import screen as stage
+from errorscreen.workflow.screen import screen
 
 
 @pytest.fixture(scope="module")
@@ -16,32 +18,41 @@ def demo():
     return plant, plant.observe(recording)
 
 
-def test_a_network_learns_from_a_longer_step_whose_error_is_well_below_noise(demo, tmp_path, monkeypatch):
+def test_training_errors_take_a_longer_step_whose_error_is_well_below_noise(demo, tmp_path, monkeypatch):
     plant, observation = demo
     made = []
 
-    def generated(simulator, *args, **options):
-        made.append((simulator.step, generate(simulator, *args, **options)))
-        return made[0][1]
+    class Training(RandomScreener):
+        trains = True
 
-    generate = stage.generate_dataset
-    monkeypatch.setattr(stage, "generate_dataset", generated)
-    section, run = ScreeningSection(samples=40, epochs=1), RunSection()
-    found = stage.screen("cnn", plant, observation, section, run, tmp_path, False)
-    ((step, dataset),) = made
-    assert plant.step < step <= observation.event.dt
-    theta, responses = dataset.theta, dataset.responses
-    exact = plant.simulate(theta, observation.event).values
-    added = ((responses - exact) / observation.noise[:, None])[:, observation.mask]
+        def fit(self, X=None, y=None):
+            made.append(self.simulator)
+            return super().fit(X)
+
+    monkeypatch.setitem(SCREENERS._items, "training", Training)
+    found = screen("training", plant, observation, ScreeningSection(), RunSection(), tmp_path, False)
+    (coarse,) = made
+    assert plant.step < coarse.step <= observation.event.dt
+    theta = latin_hypercube(plant.parameters, 40, 0)
+    exact, rough = (one.simulate(theta, observation.event).values for one in (plant, coarse))
+    added = ((rough - exact) / observation.noise[:, None])[:, observation.mask]
     assert np.quantile(np.sqrt(np.mean(added**2, axis=1)), 0.9) < 0.5
-    # what was asked about the step counts, too
-    assert found.n_simulations > 40 * (len(plant.parameters) + 1)
-    assert np.all(np.isfinite(list(found.contributions.values())))
+    assert found.n_simulations > 0  # those that chose the step count
 
 
-@pytest.mark.parametrize(("method", "count"), [("sensitivity", 9), ("random", 0)])
-def test_other_methods_count_what_they_simulate(demo, tmp_path, method, count):
+@pytest.mark.parametrize(("method", "count"), [("sensitivity", 9), ("identifiability", 17), ("random", 0)])
+def test_methods_count_their_simulations(demo, tmp_path, method, count):
     plant, observation = demo
-    found = stage.screen(method, plant, observation, ScreeningSection(), RunSection(), tmp_path, False)
+    found = screen(method, plant, observation, ScreeningSection(), RunSection(), tmp_path, False)
     assert found.n_simulations == count
+    assert found.threads is None
     assert set(found.selected) <= set(plant.parameters.names)
+
+
+def test_the_network_ranks_all_parameters(demo, tmp_path):
+    plant, observation = demo
+    section = ScreeningSection(samples=40, epochs=1)
+    found = screen("cnn", plant, observation, section, RunSection(), tmp_path, False)
+    assert np.all(np.isfinite(list(found.contributions.values())))
+    assert found.n_simulations > 40 * (len(plant.parameters) + 1)
+    assert (found.threads, (tmp_path / "dataset").exists()) == (1, True)

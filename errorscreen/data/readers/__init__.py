@@ -1,1 +1,62 @@
 """Readers of recordings, one file for each format."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from errorscreen._runtime.registry import Registry
+from errorscreen.data.frames import Specs
+from errorscreen.data.readers.base import Reader
+from errorscreen.data.readers.csv import CSV
+from errorscreen.data.recordings import Recording
+from errorscreen.exceptions import InputError
+
+#: Formats that recordings are read from. The last one is asked first: text files are what is left.
+READERS: Registry[Reader] = Registry("format", "errorscreen.readers", Reader, {"csv": CSV})
+#: bytes that a format is recognised by
+_HEAD = 4096
+
+
+def read_recording(path: str | Path, columns: Specs, format: str | None = None, **options: Any) -> Recording:
+    """Read a recording from a file of any registered format.
+
+    Parameters
+    ----------
+    path : path-like
+    columns : mapping
+        Source of each channel, see `from_frame`.
+    format : str, optional
+        Name in `READERS`; recognised by content where not given.
+    **options
+        Of the reader, see `read_csv`.
+
+    Raises
+    ------
+    InputError
+        If the format is unknown or not recognised, or the file cannot be used.
+    """
+    return READERS[format or recognised(Path(path))].read(path, columns, **options)
+
+
+def recognised(path: Path) -> str:
+    """Name of the format of a file.
+
+    Raises
+    ------
+    InputError
+        If no reader recognises it.
+    """
+    head = b""
+    if path.is_file():
+        with path.open("rb") as file:
+            head = file.read(_HEAD)
+    for name in reversed(list(READERS)):
+        if READERS[name].recognises(head):
+            return name
+    raise InputError(
+        "the format is not recognised",
+        where=f"file {path}",
+        allowed=", ".join(READERS),
+        remedy="State it with format, or install a package that reads it",
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 import difflib
 import io
@@ -10,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from errorscreen.data.frames import Specs, build_recording
+from errorscreen.data.readers.base import Reader
 from errorscreen.data.recordings import Recording
 from errorscreen.data.table import Table
 from errorscreen.exceptions import InputError
@@ -172,3 +174,13 @@ def _fitting(row: list[str], header: list[str], where: str, delimiter: str) -> l
         problem = f"the line has {len(row)} fields, the header has {len(header)}"
         raise InputError(problem, where=where, remedy=remedy)
     return row[: len(header)]
+
+
+def _is_text(head: bytes) -> bool:
+    """Whether a file may hold text: bytes of value 0 occur only in UTF-16 and UTF-32, which have a mark."""
+    return b"\0" not in head or head.startswith(
+        (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE, codecs.BOM_UTF32_BE)
+    )
+
+
+CSV = Reader(_is_text, read_csv)

@@ -1,4 +1,4 @@
-"""Mechanisms that any model can lack, by table: a template, the quantity it acts on, and the signal it depends on."""
+"""Mechanisms that any model can lack: a template, the quantity it acts on, and the signal it depends on."""
 
 from errorscreen.effects.generic.base import TEMPLATES, GenericEffect
 from errorscreen.effects.generic.library import generic_effects

@@ -1,4 +1,4 @@
-"""A generic effect: one row of the table that the integrator of user-written models works through."""
+"""A generic effect: one row of the table of the integrator for user-written models."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ TEMPLATES: dict[str, Equations] = {
     "latent": latent,
 }
 NUMBERS = {name: number for number, name in enumerate(TEMPLATES)}
-#: what an effect acts on
+#: kinds of quantity that an effect acts on
 PLACES = ("equation", "input", "signal", "output")
 
 #: smallest and largest value of each quantity by name; a derivative is called ``"d_"`` + state
@@ -57,7 +57,7 @@ class GenericEffect(Effect):
     reads : str
         State or input that it depends on; empty: the quantity itself, or none.
     into : str
-        Of an overflow: state whose equation receives what spills; empty: it is lost.
+        Of an overflow: state whose equation receives the spill; empty: it is lost.
     size : float
         Size of the signal that it depends on, for (G18).
     """

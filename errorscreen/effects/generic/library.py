@@ -1,4 +1,4 @@
-"""Every generic effect that makes sense for a model: templates times places, with ranges from its own scales."""
+"""All generic effects of a model: templates times places, with ranges from the model's own scales."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from errorscreen.effects.measurement import measurement_effects
 from errorscreen.exceptions import unknown_name
 
 _FRICTION = "Armstrong-Hélouvry, Dupont, Canudas de Wit, Automatica 30, 1994"
-#: title, formula, source, description and what each template is confused with; s is what it depends on, v its quantity
+#: title, formula, source, description and look-alikes of each template; s is the signal it depends on, v its quantity
 TEXTS: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
     "viscous": (
         "Linear drag or viscous friction", "− d s", "Stokes; Batchelor, An Introduction to Fluid Dynamics, section 4.9",
@@ -21,12 +21,12 @@ TEXTS: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
     ),
     "quadratic": (
         "Quadratic term", "+ a s²", "Taylor's theorem, second order",
-        "The model is linear in {s}, but what it describes is not symmetrical: the error grows with the square of {s} "
+        "The model is linear in {s}, but the plant is not symmetrical: the error grows with the square of {s} "
         "and has the same sign on both sides.", ("an offset", "quadratic drag, where {s} has one sign"),
     ),
     "cubic": (
         "Cubic term", "+ a s³", "Duffing's spring; Taylor's theorem, third order",
-        "The model is linear in {s}, but what it describes hardens or softens: the error grows with the cube of {s}.",
+        "The model is linear in {s}, but the plant hardens or softens: the error grows with the cube of {s}.",
         ("saturation", "quadratic drag"),
     ),
     "drag": (
@@ -61,7 +61,7 @@ TEXTS: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
     ),
     "overflow": (
         "Overflow", "− k max(s − c, 0)", "Schoukens and Noël, IFAC-PapersOnLine 50, 2017 (cascaded tanks)",
-        "{s} cannot rise much beyond a brim at c: what comes in beyond that flows away{into}.",
+        "{s} cannot rise much beyond a brim at c: the excess flows away{into}.",
         ("saturation of the measurement", "saturation of the input"),
     ),
     "dead_band": (
@@ -108,14 +108,14 @@ _OF_EQUATIONS = ("offset", "forcing")
 _OF_SIGNALS = (
     "offset", "quadratic", "cubic", "dead_band", "saturation", "rate_limit", "lag", "delay", "backlash",
 )  # fmt: skip
-#: templates for measured channels, beside those of `measurement_effects`
+#: templates for measured channels, in addition to `measurement_effects`
 _OF_OUTPUTS = ("quadratic", "cubic", "dead_band", "saturation", "rate_limit", "backlash")
 
 
 def generic_effects(anatomy: Anatomy, templates: Iterable[str] | None = None) -> tuple[Effect, ...]:
     """Every template at every place where it makes sense.
 
-    A quantity that rests in the typical run has no scale; nothing is offered for it.
+    A quantity that is constant in the typical run has no scale, and gets no effects.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def generic_effects(anatomy: Anatomy, templates: Iterable[str] | None = None) ->
     Returns
     -------
     tuple of Effect
-        Structural ones, then those of the measurement, then unknown signals.
+        Structural effects, then measurement effects, then unknown signals.
 
     Raises
     ------
@@ -188,7 +188,7 @@ def _measured(anatomy: Anatomy) -> Iterator[GenericEffect]:
 
 
 def _latent(anatomy: Anatomy) -> Iterator[GenericEffect]:
-    """Unknown signals, for places at which something enters that no effect explains."""
+    """Unknown signals at every place that moves."""
     at = [("equation", name, anatomy.size(f"d_{name}")) for name in anatomy.equations]
     for kind, names in (("input", anatomy.inputs), ("signal", anatomy.signals)):
         at += [(kind, name, anatomy.size(name)) for name in _moving(anatomy, names)]

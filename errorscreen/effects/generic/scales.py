@@ -1,4 +1,4 @@
-"""Ranges of the parameters of generic effects, from the scales of the model that they act on."""
+"""Ranges of the parameters of generic effects, from the scales of their model."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from errorscreen.effects.base import strength, value
 from errorscreen.effects.generic.base import Ranges
 from errorscreen.parameters import Parameter
 
-#: bounds of a coefficient in multiples of what would double its equation in a nominal run
+#: bounds of a coefficient in multiples of the value that doubles its equation in a nominal run
 _WIDE = 50.0
 #: smallest strength that matters, as a share of the largest
 _LEAST = 1e-3
-#: largest rate of a spill times the step: the level rests a twentieth of what arrives in a step above the brim
+#: largest rate of a spill times the step: the level rests above the brim by a twentieth of a step's inflow
 _STEEPEST = 20.0
-#: templates whose strength is not known by order of magnitude only: shares, and an offset of either sign
+#: templates whose strength is drawn evenly: shares, and an offset of either sign
 _LINEAR = ("offset", "saturation", "relay_above", "relay_below")
 
 
 @dataclass(frozen=True)
 class Anatomy:
-    """What the library has to know about a model.
+    """Facts about a model that the library needs.
 
     Parameters
     ----------
@@ -70,9 +70,9 @@ class Scales:
     ----------
     anatomy : Anatomy
     kind, target : str
-        What it acts on, see `GenericEffect`.
+        Quantity it acts on, see `GenericEffect`.
     signal : str
-        What it depends on.
+        Signal it depends on.
     of : str
         Title, for the parameters.
     into : bool
@@ -88,7 +88,7 @@ class Scales:
 
     @property
     def effort(self) -> float:
-        """Size of what the template adds to: a derivative, or the span of a signal."""
+        """Size of the quantity that the template changes: a derivative, or the span of a signal."""
         at = self.anatomy
         return at.size(f"d_{self.target}") if self.kind == "equation" else at.span(self.target)
 
@@ -99,7 +99,7 @@ class Scales:
 
     @property
     def rate(self) -> str:
-        """Unit of what it adds to."""
+        """Unit of the quantity that it changes."""
         unit = self.anatomy.units.get(self.target, "")
         return per(unit, "s") if self.kind == "equation" else unit
 
@@ -127,16 +127,9 @@ class Scales:
         return Parameter(name, 0.1 * size, *bounds, unit, self.of, name, text, scale=4.0 * size)
 
     def between(
-        self,
-        name: str,
-        low: float,
-        high: float,
-        unit: str,
-        symbol: str,
-        text: str,
-        typical: float | None = None,
-    ) -> Parameter:
-        """Any other parameter, typically in the middle of its range: that of the logarithm, if it is positive."""
+        self, name: str, low: float, high: float, unit: str, symbol: str, text: str, typical: float | None = None
+    ) -> Parameter:  # fmt: skip
+        """Any other parameter, typically in the middle of its range, or of its logarithm where it is positive."""
         middle = math.sqrt(low * high) if low > 0 else 0.5 * (low + high)
         return value(name, middle if typical is None else typical, low, high, unit, self.of, symbol, text)
 
@@ -145,8 +138,10 @@ def _stribeck(at: Scales) -> tuple[Parameter, ...]:
     size = at.anatomy.size(at.signal)
     return (
         at.positive("F", at.effort, at.rate, "force in motion"),
-        at.between("r", 0.0, 3.0, "", "r", "by how much more it is at rest", 0.5),
-        at.between("s0", 0.01 * size, size, at.unit, "s_0", "where it has fallen to a third"),
+        at.between("r", 0.0, 3.0, "", "r", "additional force at rest, as a share", 0.5),
+        at.between(
+            "s0", 0.01 * size, size, at.unit, "s_0", "signal at which that share has fallen to a third"
+        ),
     )
 
 
@@ -183,7 +178,7 @@ def _overflow(at: Scales) -> tuple[Parameter, ...]:
     most = _STEEPEST / at.anatomy.step
     share = (at.between("r", 0.0, 2.0, "", "r", "share that arrives", 0.5),) if at.into else ()
     return (
-        strength("k", 0.3 * most, most, "1/s", at.of, "k", "how fast it flows away; 0: none"),
+        strength("k", 0.3 * most, most, "1/s", at.of, "k", "rate of the outflow; 0: none"),
         at.between("c", low, high, at.unit, "c", "height of the brim", low + 0.7 * (high - low)),
         *share,
     )

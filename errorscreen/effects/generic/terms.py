@@ -20,7 +20,7 @@ hysteresis of Bouc and Wen with :math:`\beta = \gamma = \tfrac12`, n = 2 (G8; Is
 Methods Eng. 16, 2009), overflow above a brim at c (G9).
 
 Friction that changes sign at once cannot be integrated with a fixed step h. In the equation of the very state s that it
-opposes, v is what acts on s without it, and friction of at most F takes what would bring s to rest within the step:
+opposes, v is the derivative without it, and friction of at most F takes the part that brings s to rest within the step:
 
 .. math:: v - \mathrm{clip}\big(v + s/h,\, -F,\, F\big)                                             \qquad (G10)
 
@@ -31,12 +31,12 @@ so that it sticks where it should. In another equation a smoothed sign stands fo
    \varepsilon = \max(10^{-4} S,\; 0.6\,F h)                                                        \qquad (G18)
 
 with the size S of the signal: :math:`h F/\varepsilon` is then at most 1.7, inside the stability region of the
-integrator (2.8). A spill that is as good as instantaneous cannot be integrated either. What flows over the brim is
-that of an implicit step of length h/2, which needs no short one,
+integrator (2.8). A spill that is nearly instantaneous cannot be integrated either. The flow over the brim comes from an
+implicit step of length h/2,
 
 .. math:: v - \frac{k}{1 + k h/2} \max\big(s + \tfrac{h}{2} v - c,\, 0\big)                         \qquad (G19)
 
-with v as all that acts on s without it: the level comes to rest at exactly c + v/k whatever k, and returns to it at a
+with v as the derivative of s without it: the level comes to rest at exactly c + v/k whatever k, and returns to it at a
 rate of at most 2/h. All three become exact as the step goes to zero.
 """
 
@@ -119,5 +119,5 @@ def hysteresis_slope(s: Any, z: Any, y: Any) -> Any:
 
 @register_jitable
 def spill(v: Any, s: Any, k: Any, c: Any, h: Any) -> Any:
-    """What flows over the brim, (G9) by (G19)."""
+    """Flow over the brim, (G9) by (G19)."""
     return k / (1.0 + 0.5 * k * h) * max(s + 0.5 * h * v - c, 0.0)

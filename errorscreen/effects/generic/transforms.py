@@ -1,4 +1,4 @@
-r"""What can happen to a signal v on its way: as an input, inside the model, or as it is measured.
+r"""Changes of a signal v on its way: as an input, inside the model, or in the measurement.
 
 Without memory:
 
@@ -21,7 +21,7 @@ Dead band (G11), saturation (G12; k = 1 cuts off all that lies beyond the limits
 unit), lag (G14; exact for a signal that is linear in time, Franklin, Powell, Workman, *Digital Control of Dynamic
 Systems*, 3rd ed., section 6.3.2), delay (G15; linear between steps), backlash or play (G16; Nordin and Gutman,
 Automatica 38, 2002), relay (G17), which takes a share a of the signal away once another signal has been beyond a
-threshold for :math:`T_b` ≥ T; spread over one step, so that the instant counts and not the step that it lies in.
+threshold for :math:`T_b` ≥ T; spread over one step, so that the instant counts and not its step.
 """
 
 from __future__ import annotations
@@ -69,10 +69,9 @@ def lag(v: Any, w0: Any, v0: Any, tau: Any, T: Any) -> Any:
 def delay(
     v: Any, d: Any, h: Any, k: Any, tau: Any, history: Any, r: Any, held: Any, after: Any
 ) -> Any:  # fmt: skip
-    """Value d seconds ago, (G15); what was before the record began is the first value.
+    """Value d seconds ago, (G15); the first value before the record began.
 
-    What is remembered is the value just before each step began, which an input that is held has had since the step
-    before.
+    The memory holds the value just before each step began; a held input has had it since the step before.
     """
     position = k + (tau - d) / h
     if position <= 0.0:

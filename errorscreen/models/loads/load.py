@@ -1,7 +1,7 @@
 r"""Load at a bus of a grid, in deviation from a constant impedance.
 
-The constant impedance is part of the grid. Here is what the load draws beyond it, which is nothing until an effect acts
-(voltage and frequency dependence, motors). It is driven by the filtered phasor W of the terminal voltage, so that the
+The constant impedance is part of the grid. This device draws the rest, which is zero until an effect acts (voltage and
+frequency dependence, motors). It is driven by the filtered phasor W of the terminal voltage, so that the
 current follows from states and no algebraic loop arises. In per unit of the load's apparent power before the event,
 power positive when drawn:
 

@@ -1,4 +1,4 @@
-r"""Machines of the grid whose parameters stay as they are: two-axis model with one transient reactance.
+r"""Machines of the grid with fixed parameters: two-axis model with one transient reactance.
 
 With :math:`X'_q := X'_d` the stator is a constant admittance :math:`1/(jX'_d)`, which belongs into the reduced grid,
 beside the current :math:`J`, so that many machines cost no system of equations in a step (Sauer, Pai, Chow, *Power

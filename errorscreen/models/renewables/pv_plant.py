@@ -25,10 +25,10 @@ one, the current (PV12) lies along the angle of a loop (T2), and power follows f
     \dot I_q = \big[(I_q^* - I_q)/T_g\big]_{\pm R_{Iq}}                                     & (PV11)\\
     C &= (I_p - jI_q)\,e^{j\vartheta}                                                    & (PV12)
 
-Both commands of (PV10) are multiplied by a release r that is 1; effects change it, and the priority of the limit. While
-more than :math:`\Delta r` = 0.05 is blocked, the control of the dc voltage rests: it would make up for what is blocked,
-up to the current limit, although the array is held off its point of maximum power on purpose. So the current comes back
-as the release does, to what it was before. The reference of (PV7) goes with the release: nothing winds up there either.
+Both commands of (PV10) are multiplied by a release r, which is 1; effects change r and the priority of the limit. While
+more than :math:`\Delta r` = 0.05 is blocked, the control of the dc voltage rests: it would raise the current up to its
+limit, although the array is held off its point of maximum power on purpose. So the current returns with the release to
+its old value. The reference of (PV7) follows the release too: nothing winds up there either.
 
 (PV3) is a cubic transition over the band :math:`\Delta V_{LV}` below the threshold instead of a hard switch, so that
 the response is differentiable in all parameters. In (PV4) the power falls steeply towards the array's open-circuit
@@ -71,7 +71,7 @@ def grid_source(Ip: Any, Iq: Any, theta: Any) -> Any:
 
 @stage("Qref")
 def reference(Q0: Any) -> Any:
-    """Reference of the reactive power: what was supplied before the event. A port, where other controls act."""
+    """Reference of the reactive power, its value before the event; a port for other controls."""
     return (Q0,)
 
 

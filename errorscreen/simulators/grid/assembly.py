@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from errorscreen.effects import (
     FAULT_DURATION,
     FAULT_IMPEDANCE,
-    LIBRARY,
     Effect,
     branch_trip,
+    effects_of,
     measurement_effects,
 )
 from errorscreen.engine.stages import Call, Equations, Model, reads_of, writes_of
@@ -69,14 +69,14 @@ def grid_effects(
     Parameters
     ----------
     devices : mapping of str to str
-        Key in `LIBRARY` by the name of the device.
+        Kind of each device by its name in the grid.
     channels : iterable of str
     network : Network
     events : sequence of Event
         Those whose records may be wrong.
     """
     for device, kind in devices.items():
-        yield from (effect.at(device) for effect in LIBRARY.get(kind, ()))
+        yield from (effect.at(device) for effect in effects_of(kind))
     yield from measurement_effects(channels)
     faulted = {event.bus for event in events if isinstance(event, BusFault)}
     if faulted:

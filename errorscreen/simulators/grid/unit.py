@@ -58,9 +58,7 @@ class Unit:
         """The device itself."""
         if not isinstance(self.device, str):
             return self.device
-        if self.device not in DEVICES:
-            raise unknown_name(self.device, DEVICES, kind="device", where=f"unit at bus {self.bus}")
-        return DEVICES[self.device]
+        return DEVICES.find(self.device, f"unit at bus {self.bus}")
 
     @property
     def default_constants(self) -> dict[str, float]:

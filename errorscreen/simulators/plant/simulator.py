@@ -14,7 +14,7 @@ from errorscreen.data.observations import Observation
 from errorscreen.data.recordings import Recording
 from errorscreen.data.resampling import check_steps
 from errorscreen.data.signals import correlation_time
-from errorscreen.effects import LIBRARY, Effect, common_skew, measurement_effects
+from errorscreen.effects import Effect, common_skew, effects_of, measurement_effects
 from errorscreen.engine import Engine, ReferenceEngine
 from errorscreen.events import Event, Playback
 from errorscreen.exceptions import InputError, unknown_name
@@ -107,8 +107,6 @@ class PlantSimulator(Simulator):
         engine: str = "compiled",
     ) -> None:
         if isinstance(device, str):
-            if device not in DEVICES:
-                raise unknown_name(device, DEVICES, kind="device")
             device = DEVICES[device]
         if not step > 0:
             raise InputError(
@@ -134,7 +132,7 @@ class PlantSimulator(Simulator):
             }
         if effects is None:
             faults = () if self._behind else (*measurement_effects(device.outputs), common_skew())
-            effects = (*LIBRARY.get(device.name, ()), *faults)
+            effects = (*effects_of(device.name), *faults)
         self.effects = tuple(effects)
         self._off = switched_off(self.effects)
         wrong = [effect.name for effect in self.effects if self._behind and effect.kind == "measurement"]

@@ -1,0 +1,25 @@
+"""A reader: how files of one format become recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from errorscreen.data.recordings import Recording
+
+
+@dataclass(frozen=True)
+class Reader:
+    """Reader of a file format.
+
+    Parameters
+    ----------
+    recognises : callable
+        ``recognises(head) -> bool``: whether a file that begins with these bytes has the format.
+    read : callable
+        ``read(path, columns, **options) -> Recording``: `columns` maps channels to `errorscreen.data.Column`; the
+        options are the other keys of [recording] in a case file, see `read_csv`.
+    """
+
+    recognises: Callable[[bytes], bool]
+    read: Callable[..., Recording]

@@ -1,0 +1,140 @@
+"""The published ranking: a network that is trained on simulated errors reads the measured one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from errorscreen.features import ResponseErrorTransformer
+from errorscreen.learning.generation import generate_dataset
+from errorscreen.learning.regressors import import_network
+from errorscreen.screening.base import BaseScreener
+from errorscreen.screening.contribution import ContributionScreener, contribution_pipeline
+from errorscreen.simulators.base import Simulator
+from errorscreen.simulators.observations import as_observations
+
+#: Another number of threads rounds sums differently, and training amplifies that.
+THREADS = 1
+
+
+class NetworkScreener(BaseScreener):
+    """Rank parameters by a network (`ContributionScreener`) that learns from the simulator.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        May have a longer step than is usual: errors well below the noise do not change the ranking.
+    n_samples : int, default 600
+        Simulated errors with labels; each costs m + 1 simulations.
+    epochs : int, default 60
+    n_frequencies, n_columns : int, default 16, 32
+        Size of the time-frequency images.
+    random_state : None, int, SeedSequence, Generator or RandomState
+    n_jobs : int, optional
+        Processes that simulate; the result is the same for any number.
+    checkpoint : path-like, optional
+        Folder for finished simulations, see `generate_dataset`.
+    progress : bool, default False
+        Show progress bars.
+
+    Attributes
+    ----------
+    contributions_, names_, ranking_, ranked_names_, n_simulations_, n_failed_
+        See `BaseScreener`.
+    """
+
+    trains = True
+
+    def __init__(
+        self,
+        simulator: Simulator,
+        *,
+        n_samples: int = 600,
+        epochs: int = 60,
+        n_frequencies: int = 16,
+        n_columns: int = 32,
+        random_state: Any = None,
+        n_jobs: int | None = None,
+        checkpoint: str | Path | None = None,
+        progress: bool = False,
+    ) -> None:
+        self.simulator = simulator
+        self.n_samples = n_samples
+        self.epochs = epochs
+        self.n_frequencies = n_frequencies
+        self.n_columns = n_columns
+        self.random_state = random_state
+        self.n_jobs = n_jobs
+        self.checkpoint = checkpoint
+        self.progress = progress
+
+    @classmethod
+    def from_case(
+        cls, simulator: Simulator, section: Any, run: Any, folder: Path | None = None, progress: bool = False
+    ) -> NetworkScreener:
+        """Screener with the keys of a case file, see `BaseScreener.from_case`."""
+        return cls(
+            simulator,
+            n_samples=section.samples,
+            epochs=section.epochs,
+            n_frequencies=section.frequencies,
+            n_columns=section.columns,
+            random_state=run.random_state,
+            n_jobs=run.n_jobs,
+            checkpoint=None if folder is None else folder / "dataset",
+            progress=progress,
+        )
+
+    def fit(self, X: Any, y: None = None) -> NetworkScreener:
+        """Simulate labelled errors, train the network, and read the error of one recording.
+
+        Parameters
+        ----------
+        X : Observation, or anything ``simulator.observe`` takes
+        y : None
+            Not used, present for scikit-learn.
+
+        Raises
+        ------
+        InputError
+            If an argument or the recording cannot be used.
+        MissingExtraError
+            If torch is not installed.
+        """
+        import_network()  # a missing package is told before the simulations
+        (observation,) = as_observations(self.simulator, X)
+        dataset = generate_dataset(
+            self.simulator,
+            self.n_samples,
+            observation.event,
+            random_state=self.random_state,
+            n_jobs=self.n_jobs,
+            progress=self.progress,
+            checkpoint=self.checkpoint,
+        )
+        names, n_failed = self.simulator.parameters.names, dataset.n_failed
+        usable = dataset.valid()
+        error = ResponseErrorTransformer(dataset.baseline, missing="zero").fit(usable.responses)
+        training, contributions = error.transform(usable.responses), usable.contributions
+        del dataset, usable  # the responses of a fast recorder are large
+        training[:, ~observation.mask] = 0.0  # nothing may be learned from unmeasured samples
+        pipeline = contribution_pipeline(observation.event.dt, self.random_state).set_params(
+            cwttransformer__n_frequencies=self.n_frequencies,
+            cwttransformer__n_columns=self.n_columns,
+            cnncontributionregressor__max_epochs=self.epochs,
+            cnncontributionregressor__verbose=self.progress,
+        )
+        screener = ContributionScreener(
+            pipeline,
+            names,
+            noise=np.where(observation.mask, observation.noise[:, None], 0.0),
+            random_state=self.random_state,
+        )
+        with threadpool_limits(limits=THREADS):
+            screener.fit(training, contributions)
+            predicted = screener.predict(error.transform(observation.values[None]))[0]
+        self._store(predicted, names, self.n_samples * (len(names) + 1), n_failed)
+        return self

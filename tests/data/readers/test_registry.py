@@ -1,0 +1,47 @@
+"""The format of a file is recognised by its content, or stated."""
+
+import codecs
+import re
+
+import numpy as np
+import pytest
+
+from errorscreen.data import READERS, Column, Recording, read_recording
+from errorscreen.data.readers.base import Reader
+from errorscreen.exceptions import InputError
+
+COLUMNS = {"P": Column("P")}
+BASES = {"base_mva": 1.0, "f_nominal": 50.0, "event_time": 1.0}
+TEXT = "time,P\n" + "\n".join(f"{0.1 * k:.1f},{0.5 if k < 10 else 0.4}" for k in range(40))
+
+
+def test_text_is_read_as_csv(tmp_path):
+    path = tmp_path / "a.txt"
+    path.write_text(TEXT)
+    for chosen in (None, "csv"):
+        recording = read_recording(path, COLUMNS, chosen, **BASES)
+        assert recording.channel("P").values[[0, -1]].tolist() == [0.5, 0.4]
+    path.write_bytes(codecs.BOM_UTF16_LE + TEXT.encode("utf-16-le"))
+    assert len(read_recording(path, COLUMNS, encoding="utf-16", **BASES).time) == 40
+
+
+def test_the_last_reader_is_asked_first(tmp_path, monkeypatch):
+    def read(path, columns, **options):
+        time = np.arange(50.0)
+        values = {"P": np.where(time < 20, 1.0, 2.0)}
+        return Recording.from_arrays(time, values, event_time=20.0, base_mva=1, f_nominal=50)
+
+    monkeypatch.setitem(READERS._items, "marked", Reader(lambda head: head.startswith(b"MARK"), read))
+    path = tmp_path / "a.csv"
+    path.write_text("MARK,P")
+    assert len(read_recording(path, COLUMNS, **BASES).time) == 50
+
+
+def test_an_unknown_format_is_answered_with_the_allowed_ones(tmp_path):
+    path = tmp_path / "a.dat"
+    path.write_bytes(b"\x01\x00\x02")
+    message = f"file {path}: the format is not recognised. Allowed: csv. State it with format"
+    with pytest.raises(InputError, match=re.escape(message)):
+        read_recording(path, COLUMNS, **BASES)
+    with pytest.raises(InputError, match="unknown format 'cvs' .did you mean 'csv'"):
+        read_recording(path, COLUMNS, "cvs", **BASES)
