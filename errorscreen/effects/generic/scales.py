@@ -139,7 +139,9 @@ def _stribeck(at: Scales) -> tuple[Parameter, ...]:
     return (
         at.positive("F", at.effort, at.rate, "force in motion"),
         at.between("r", 0.0, 3.0, "", "r", "additional force at rest, as a share", 0.5),
-        at.between("s0", 0.01 * size, size, at.unit, "s_0", "signal at which that share has fallen to a third"),
+        at.between(
+            "s0", 0.01 * size, size, at.unit, "s_0", "signal at which that share has fallen to a third"
+        ),
     )
 
 
