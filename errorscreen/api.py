@@ -11,19 +11,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from errorscreen.calibration import BaseCalibrator, MAPCalibrator, PSOCalibrator
+from errorscreen.calibration import CALIBRATORS, BaseCalibrator
 from errorscreen.data.frames import Specs, from_frame
 from errorscreen.data.headers import guess_columns, guess_time
-from errorscreen.data.readers.csv import read_csv, read_table
+from errorscreen.data.readers import READERS, recognised
+from errorscreen.data.readers.csv import read_table
 from errorscreen.data.recordings import Recording
 from errorscreen.discovery.finder import CauseFinder
-from errorscreen.exceptions import InputError, unknown_name
+from errorscreen.exceptions import InputError
 from errorscreen.simulators.base import Simulator
 
 if TYPE_CHECKING:
     import pandas as pd
 
-_CALIBRATORS: dict[str, type[BaseCalibrator]] = {"map": MAPCalibrator, "pso": PSOCalibrator}
 #: Options of `read_csv` that decide where the headers of a file are.
 _LAYOUT = ("delimiter", "decimal", "encoding", "skip_rows")
 
@@ -36,18 +36,20 @@ def read(
     f_nominal: float,
     time: str | None = None,
     time_unit: str | None = None,
+    format: str | None = None,
     **options: Any,
 ) -> Recording:
-    """Read a recording from a text file, a table or arrays.
+    """Read a recording from a file, a table or arrays.
 
     Parameters
     ----------
     source : path-like, pandas.DataFrame or mapping of str to array-like of shape (L,)
-        A text file with one header row, a table, or columns by header.
+        A file of a format in `errorscreen.data.READERS`, for example a text file with one header row; a table, or
+        columns by header.
     columns : mapping of str to Column, str or mapping, optional
         Source of each channel by its name, see `errorscreen.data.from_frame`. Where not given, headers must name the
         channels beyond doubt: ``V``, ``angle``, ``f``, ``P``, ``Q`` in pu, rad, Hz, pu and pu, or usual spellings with
-        a unit, such as ``P [MW]`` or ``V_mag_kV``.
+        a unit, such as ``P [MW]`` or ``V_mag_kV``. Needed for a file that is no text.
     base_mva : float
         Base that P and Q are converted to, in MVA: that of the device.
     f_nominal : float
@@ -56,6 +58,8 @@ def read(
         Header of the time stamps. Where not given, the column ``time`` or ``t``; of a table without one, the index.
     time_unit : {"s", "ms", "us", "min", "h", "iso"}, optional
         Where not given, the unit in the header, or seconds.
+    format : str, optional
+        Name in `errorscreen.data.READERS`; recognised by the content of the file where not given.
     **options
         As in `errorscreen.data.read_csv` for a file and `errorscreen.data.from_frame` otherwise, for example
         `base_kv`, `event_time`, `t_start`.
@@ -80,9 +84,10 @@ def read(
     """
     reader: Callable[..., Recording]
     if isinstance(source, str | os.PathLike):
+        where, form = f"file {source}", format or recognised(Path(source))
+        reader = partial(READERS.find(form, "read").read, source)
         layout = {name: options[name] for name in _LAYOUT if name in options}
-        headers, where = list(read_table(Path(source), **layout).columns), f"file {source}"
-        reader = partial(read_csv, source)
+        headers = list(read_table(Path(source), **layout).columns) if form == "csv" else []
     else:
         frame = _frame(source)
         headers, where = [str(column) for column in frame.columns], "table"
@@ -135,8 +140,8 @@ def calibrate(
     ----------
     simulator : Simulator
     recordings : Observation, or anything ``simulator.observe`` takes, or a list of them
-    method : {"map", "pso"}
-        `MAPCalibrator` with intervals, or the particle swarm `PSOCalibrator` of the paper.
+    method : str
+        Name in `errorscreen.calibration.CALIBRATORS`: ``"map"`` gives intervals, ``"pso"`` is the paper's swarm.
     parameters : iterable of str, optional
         Names of the parameters to fit; the others keep their nominal values. All where not given.
     random_state : None, int, SeedSequence, Generator or RandomState
@@ -165,9 +170,7 @@ def calibrate(
     >>> sorted(fit.values_)
     ['Tj', 'Xd1']
     """
-    if method not in _CALIBRATORS:
-        raise unknown_name(method, _CALIBRATORS, kind="method", where="calibrate")
-    kind: Any = _CALIBRATORS[method]
+    kind: Any = CALIBRATORS.find(method, "calibrate")
     return kind(simulator, parameters, random_state=random_state, **options).fit(recordings)
 
 

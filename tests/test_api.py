@@ -132,7 +132,7 @@ def test_unusable_sources_are_refused(source, message):
 
 
 def test_an_unknown_method_is_named():
-    with pytest.raises(es.InputError, match="unknown method 'mpa'.*did you mean 'map'"):
+    with pytest.raises(es.InputError, match="calibrate: unknown calibrator 'mpa'.*did you mean 'map'"):
         es.calibrate(None, None, "mpa")
 
 
@@ -141,3 +141,11 @@ def test_the_swarm_is_a_method():
     plant = es.Plant("synchronous_machine", rec)
     fit = es.calibrate(plant, rec, "pso", ["Xd1"], n_iterations=2, n_particles=4)
     assert (fit.names_, fit.random_state) == (("Xd1",), 0)
+
+
+def test_a_format_can_be_stated(tmp_path):
+    path = tmp_path / "unit2.dat"
+    pd.DataFrame({"time": TIME, "P": dip(0.6, 0.5)}).to_csv(path, index=False)
+    assert es.read(path, format="csv", **BASES).names == ("P",)
+    with pytest.raises(es.InputError, match="read: unknown format 'xls'"):
+        es.read(path, format="xls", **BASES)
