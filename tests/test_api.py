@@ -1,5 +1,6 @@
 import ast
 import importlib
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -149,3 +150,33 @@ def test_a_format_can_be_stated(tmp_path):
     assert es.read(path, format="csv", **BASES).names == ("P",)
     with pytest.raises(es.InputError, match="read: unknown format 'xls'"):
         es.read(path, format="xls", **BASES)
+
+
+SIX_LINES = """
+rec = es.read("unit2.csv", base_mva=100.0, f_nominal=60.0)
+plant = es.Plant("synchronous_machine", rec)
+fit = es.calibrate(plant, rec)
+print(fit.summary())
+figure = fit.plot()
+print(es.find_causes(plant, rec).summary())
+"""
+
+
+def test_six_lines_lead_from_a_file_to_a_summary_and_a_figure(tmp_path):
+    recording = demo_recordings(0)[0]
+    named = {"V": "V [pu]", "angle": "angle (rad)", "P": "P_pu"}
+    recording.to_frame().rename(columns=named).to_csv(tmp_path / "unit2.csv")
+    code = f"import errorscreen as es{SIX_LINES}print(*[axes.get_ylabel() for axes in figure.axes])"
+    path = os.pathsep.join([str(Path(errorscreen.__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
+    shown = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
+    assert "converged" in shown  # of the fit
+    assert all(name in shown for name in es.Plant("synchronous_machine", recording).parameters.names)
+    assert "reproduce the recording within its noise" in shown  # the verdict
+    assert shown.splitlines()[-1] == "P in pu Q in pu"
