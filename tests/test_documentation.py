@@ -137,6 +137,12 @@ def test_stations_of_the_house_are_there():
         assert all(re.search(rf"\b(?:def|class) {part}\b", source) for part in name.split("."))
 
 
+def test_the_guide_holds_no_seeds_and_no_scenario_numbers():
+    """These belong to `docs/studies`, rates to `docs/results`."""
+    for page in (DOCS / "guide").glob("*.md"):
+        assert not re.search(r"[Ss]eeds? \d|scenario", page.read_text(encoding="utf-8")), page.name
+
+
 def test_every_effect_of_a_device_has_a_section_with_its_port_and_title(monkeypatch):
     monkeypatch.syspath_prepend(str(DOCS))
     pages = importlib.import_module("_tools.pages")
