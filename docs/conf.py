@@ -45,7 +45,7 @@ html_theme = "alabaster"
 html_title = f"errorscreen {version}"
 html_show_copyright = False
 html_theme_options = {
-    "description": "What a dynamic simulation gets wrong, and why",
+    "description": "Finds the errors of a dynamic simulation, and their causes",
     "page_width": "1280px",
     "body_max_width": "none",
     "fixed_sidebar": True,

@@ -2,7 +2,7 @@
 Adding an effect that the model lacks
 =====================================
 
-The machine model has a constant field voltage. A voltage regulator is an effect that can be added to it; the extended
+The machine model has a constant field voltage. A voltage regulator is an effect that can be added to it. The extended
 simulator is a simulator like any other, with more parameters.
 """
 
@@ -26,22 +26,22 @@ extended = plant.extend("exciter", K={"nominal": 60.0})
 print(extended, "with", *extended.parameters.names[len(plant.parameters) :])
 
 # %%
-# The first parameter of an effect is its strength. At strength 0 it is an identity, bit for bit, so nothing but the
-# effect itself can make a difference.
+# The first parameter of an effect is its strength. At strength 0 the effect is an identity, bit for bit. A difference
+# in the response is always due to the effect.
 off = extended.parameters.embed([0.0], ["exciter.K"])
 assert np.array_equal(extended.simulate(off).values, plant.simulate(plant.parameters.nominal).values)
 
 # %%
-# Its signature: what it changes in the response to this event.
+# Its signature: the change of the response to this event.
 recordings = (recording, held_out[1])
 measured = [plant.observe(recording) for recording in recordings]
 signature = replace(measured[0], values=extended.baseline())
 figure = plot_responses(signature, {"without exciter": plant.baseline(), "with exciter": extended.baseline()})
 
 # %%
-# Now the measured machine has an exciter, other parameters and noise. Two recordings are fitted together, because one
-# leaves a valley along which Xd, T'd0, gain and TB make up for each other. Without the effect no values of the eight
-# parameters explain the recordings; with it they do.
+# Now the measured machine has an exciter, other parameters and noise. Two recordings are fitted together, because along
+# a valley of one recording Xd, T'd0, gain and TB make up for each other. Without the effect no values of the eight
+# parameters explain the recordings. With it they do.
 rng = np.random.default_rng(0)
 truth = extended.parameters.embed([0.36, 10.5, 90.0], ["Xd1", "Tj", "exciter.K"])
 for k, observation in enumerate(measured):

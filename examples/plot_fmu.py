@@ -2,8 +2,8 @@
 A model from another tool
 =========================
 
-Most simulation tools export a functional mock-up unit (FMU). It is a black box: its parameters can be screened and
-calibrated, and errors of the measurement found, but nothing can be added inside it. Needs the extra ``fmu``.
+Most simulation tools export a functional mock-up unit (FMU). It is a black box: errorscreen screens and calibrates its
+parameters and finds errors of the measurement, but cannot add anything inside it. Needs the extra ``fmu``.
 """
 
 import tempfile
@@ -20,7 +20,7 @@ from errorscreen.simulators import CallableSimulator
 from errorscreen.simulators.external.fmu import FMU
 
 # %%
-# A unit to play with, a first-order lag, built from a few lines of Python; yours comes from your tool.
+# A small unit, a first-order lag, built from a few lines of Python. Yours comes from your tool.
 SOURCE = """
 from math import exp
 from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
@@ -44,7 +44,7 @@ folder = Path(tempfile.mkdtemp())
 unit = FmuBuilder.build_FMU(folder / "lag.py", dest=folder)
 
 # %%
-# Two recordings of the real thing: another gain and time constant, and a clock that is 0.3 s late.
+# Two recordings of the real system: another gain and time constant, and a clock that is 0.3 s late.
 rng, time, recordings = np.random.default_rng(3), np.arange(0, 8, 0.1), []
 for name, height in (("up", 1.0), ("down", -0.6)):
     late = np.maximum(time - 1.3, 0)
@@ -53,7 +53,7 @@ for name, height in (("up", 1.0), ("down", -0.6)):
     recordings.append(Recording.from_signals(time, values, name=name, noise={"y": 0.003}, event_time=1.0))
 
 # %%
-# The unit is a function of parameters and event; around it stands the simulator.
+# The unit is a function of parameters and event. The simulator wraps it.
 parameters = [Parameter("K", 1.0, 0.5, 2.0), Parameter("T", 1.0, 0.3, 3.0, "s")]
 lag = FMU(unit, parameters=["K", "T"], outputs=["y"], inputs=["u"])
 simulator = CallableSimulator(lag, parameters, recordings, outputs=["y"], inputs=["u"])

@@ -2,9 +2,8 @@
 Choosing wavelet, image and network by cross-validation
 =======================================================
 
-Images, scaling and network form a scikit-learn pipeline, so `GridSearchCV` chooses their settings. What counts is not
-the squared error of the predicted contributions but the order of the parameters, for which the package brings its own
-scorers.
+Images, scaling and network form a scikit-learn pipeline, so `GridSearchCV` chooses their settings. The order of the
+parameters counts, not the squared error of the predicted contributions. The package brings scorers for this order.
 """
 
 import numpy as np
@@ -21,8 +20,8 @@ from errorscreen.metrics import ndcg_scorer, overlap_scorer
 from errorscreen.simulators import PlantSimulator
 
 # %%
-# Samples of a photovoltaic plant with 17 parameters, driven with a voltage dip: each is the error of one wrong model,
-# labelled with the contribution of each parameter.
+# Samples of a photovoltaic plant with 17 parameters, driven with a voltage dip. Each sample is the error of one wrong
+# model, labelled with the contribution of each parameter.
 time = np.arange(0, 3, 1 / 60)
 voltage = np.where((time > 0.5) & (time < 0.65), 0.45, 1.0)
 event = Playback(time, "dip", 0.5, {"V": voltage}, initial={"V": 1.0, "P": 0.7, "Q": 0.15})
@@ -31,7 +30,7 @@ data = generate_dataset(plant, 160, random_state=0).valid()
 print(data)
 
 # %%
-# Every step can vary: the wavelet, what the image shows, its width, and the network.
+# Every step can vary: the wavelet, the content of the image, its width, and the network.
 pipeline = make_pipeline(
     CWTTransformer(sampling_period=plant.event.dt, n_frequencies=24, n_columns=48),
     ChannelScaler(),
@@ -49,7 +48,7 @@ search.fit(data.errors, data.contributions)
 
 # %%
 # Mean scores over the folds, 1 for a perfect order, beside those of a ranking that never looks at the error. So few
-# samples and epochs show how the search is done; they do not settle which settings are best.
+# samples and epochs show the way of the search, not the best settings.
 columns = {"params": "settings", "mean_test_ndcg": "NDCG", "mean_test_overlap": "overlap of the five largest"}
 table = pd.DataFrame(search.cv_results_)[list(columns)].rename(columns=columns)
 table["settings"] = [

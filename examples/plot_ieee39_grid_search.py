@@ -2,9 +2,9 @@
 Whitening, wavelet, image size and network width on the 39-bus system
 =====================================================================
 
-What four settings of the default screener do to the ranking, one at a time, on the case study with its 40 parameters.
-``python plot_ieee39_grid_search.py 2500`` takes about half an hour on two cores and 2 GiB; without a number, a small
-search shows how it is done.
+The influence of four settings of the default screener on the ranking, one at a time, on the case study with its 40
+parameters. ``python plot_ieee39_grid_search.py 2500`` takes about half an hour on two cores and 2 GiB. Without a
+number, a small search shows the way.
 """
 
 import sys
@@ -23,8 +23,8 @@ epochs = 15 if samples >= 1000 else 4
 
 # %%
 # Errors of as many wrong models, labelled with the contribution of each parameter. The screener adds the noise of a
-# recording to what it learns from, 40 dB below what the fault does to each channel, and the scores add the same to what
-# they judge on, so that no setting wins by what cannot be measured.
+# recording to its training errors, 40 dB below the response of each channel to the fault. The scores add the same noise
+# to their test errors, so that no setting wins by details that cannot be measured.
 system = load_ieee39()
 data = generate_dataset(system, samples, random_state=0).valid()
 swing = data.baseline - data.baseline[:, :1]
@@ -43,8 +43,7 @@ def measured(scorer):
 
 
 # %%
-# The default screener and what varies around it. One fit at a time and no final one: only the images of one fit are in
-# memory.
+# The default screener and its variations. One fit at a time and no final one: only the images of one fit are in memory.
 images, network = "estimator__cwttransformer__", "estimator__cnncontributionregressor__"
 rows, columns, wavelet = images + "n_frequencies", images + "n_columns", images + "wavelet"
 filters = network + "n_filters"
@@ -66,8 +65,8 @@ blind = cross_validate(DummyRegressor(), data.errors, data.contributions, scorin
 
 # %%
 # Mean and standard deviation over the folds, 1 for a perfect order, the best overlap first. The blind ranking takes the
-# mean contribution of each parameter and never looks at an error. So few samples and epochs as here do not beat it:
-# they show how the search is done, not which settings are best.
+# mean contribution of each parameter and never looks at an error. So few samples and epochs as here do not beat it.
+# They show the way of the search, not the best settings.
 lines = [("mean contribution (blind)", "", "", "", *(blind[f"test_{score}"] for score in scoring), "")]
 for k, changed in enumerate(found["params"]):
     used = screener.get_params() | changed

@@ -2,8 +2,8 @@
 A simulator of your own
 =======================
 
-Everything above the simulators knows them by one contract. Whatever keeps it, be it a formula, an ODE or a call of
-another program, can be screened and calibrated like the built-in devices.
+Everything above the simulators knows them by one contract. A simulator that keeps it, be it a formula, an ODE or a call
+of another program, can be screened and calibrated like the built-in devices.
 
 The model here is a load whose power recovers after a voltage step (Karlsson and Hill, "Modelling and identification of
 nonlinear dynamic loads in power systems", IEEE Transactions on Power Systems 9, 1994):

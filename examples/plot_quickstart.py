@@ -2,8 +2,8 @@
 Quickstart
 ==========
 
-A recorded fault, a machine model that does not reproduce it, and the way from one to the other. The recordings are
-simulated with hidden parameters and noise; `errorscreen.data.read_csv` reads your own.
+A recorded fault, and a machine model that does not reproduce it. The recordings are simulated with hidden parameters
+and noise. `errorscreen.data.read_csv` reads your own.
 """
 
 from errorscreen.calibration import MAPCalibrator
@@ -20,7 +20,7 @@ measured = plant.observe(recording)
 before = plant.baseline(measured.event)
 
 # %%
-# Which parameters carry the error? A network learns from simulated errors what each parameter contributes to them.
+# Which parameters carry the error? A network learns the contribution of each parameter from simulated errors.
 data = generate_dataset(plant, 300, random_state=0).valid()
 images = {"cwttransformer__n_frequencies": 32, "cwttransformer__n_columns": 64}
 pipeline = contribution_pipeline(measured.event.dt, random_state=0).set_params(**images)
@@ -29,7 +29,7 @@ screener.fit(data.errors, data.contributions)
 print("most suspicious first:", *screener.rank_names([measured.values - before])[0])
 
 # %%
-# Calibration of all parameters, with intervals beside the hidden truth, and what follows from it.
+# Calibration of all parameters, with intervals beside the hidden truth, and the verdict.
 calibrator = MAPCalibrator(plant, random_state=0).fit(measured)
 print(calibrator.to_frame().assign(truth=truth.values()).round(3).to_string())
 print(judge([measured], [before], calibrator).text)

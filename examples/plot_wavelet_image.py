@@ -1,8 +1,8 @@
 """
-What an error looks like in time and frequency
-==============================================
+An error in time and frequency
+==============================
 
-The network does not read errors but images of their energy over time and frequency. They are also worth a look.
+The network reads images of the energy of an error over time and frequency. They are also worth a look.
 """
 
 from errorscreen.calibration import MAPCalibrator
@@ -21,10 +21,10 @@ errors = {
 }
 
 # %%
-# One row for each channel, one column for each model; colours are decibels below the largest energy of the channel.
-# Before calibration the fault shows at all frequencies in Q, and after it both channels swing out of step with the
-# measurement, at one to two hertz. After calibration no error within 40 dB of that is left. What is veiled is marked by
-# the ends of the record.
+# One row for each channel, one column for each model. Colours are decibels below the largest energy of the channel.
+# Before calibration the fault shows at all frequencies in Q. After the fault both channels swing out of step with the
+# measurement, at one to two hertz. After calibration no error within 40 dB of that is left. The veiled parts are
+# distorted by the ends of the record.
 cwt = CWTTransformer(sampling_period=measured.event.dt, f_max=15.0, energy="linear")
 images = cwt.fit_transform([errors["before"], errors["after"]])
 figure = plot_error_images(
@@ -37,7 +37,7 @@ figure = plot_error_images(
 )
 
 # %%
-# The rows are equivalent frequencies, spaced evenly on a logarithmic scale; the columns conserve the energy.
+# The rows are equivalent frequencies, spaced evenly on a logarithmic scale. The columns conserve the energy.
 print(f"(models, channels, frequencies, columns): {images.shape}")
 print(
     f"{cwt.frequencies_[0]:.2f} to {cwt.frequencies_[-1]:.1f} Hz, {cwt.times_[0]:.3f} to {cwt.times_[-1]:.3f} s"

@@ -22,7 +22,7 @@ from errorscreen.effects import EFFECTS
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
-GUIDE = sorted((DOCS / "guide").glob("*.md"))
+GUIDE = sorted((DOCS / "guide").glob("*.md")) + sorted((DOCS / "how_it_works").glob("*.md"))
 #: modules beside the packages that are for the package's own use
 INTERNAL = {"__main__"}
 #: numpydoc: no docstring, sections unknown or out of order, parameters that do not exist or have no type
@@ -107,7 +107,8 @@ def test_parameters_are_documented(name):
 
 
 def test_references_of_the_guide_resolve():
-    pages = [*DOCS.glob("*.md"), *GUIDE, *(DOCS / "reference").glob("*.md")]
+    others = (page for folder in ("reference", "results", "studies") for page in (DOCS / folder).glob("*.md"))
+    pages = [*DOCS.glob("*.md"), *GUIDE, *others]
     found = [
         m
         for page in pages
@@ -120,11 +121,26 @@ def test_references_of_the_guide_resolve():
 
 
 def test_files_of_the_method_table_hold_the_names():
-    text = (DOCS / "guide" / "method.md").read_text(encoding="utf-8")
+    text = (DOCS / "how_it_works" / "method.md").read_text(encoding="utf-8")
     rows = re.findall(r"\{py:obj\}`~([\w.]+)` \| `([\w/.]+)` \|", text)
     assert len(rows) >= 16
     for name, path in rows:
         assert Path(inspect.getsourcefile(find(name))) == ROOT / path
+
+
+def test_stations_of_the_house_are_there():
+    text = (DOCS / "how_it_works" / "house.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| \d+ \| `([\w/.]+)` \| `([\w.]+)` \|", text, re.MULTILINE)
+    assert 8 <= len(rows) <= 12
+    for path, name in rows:
+        source = (ROOT / path).read_text(encoding="utf-8")
+        assert all(re.search(rf"\b(?:def|class) {part}\b", source) for part in name.split("."))
+
+
+def test_the_guide_holds_no_seeds_and_no_scenario_numbers():
+    """These belong to `docs/studies`, rates to `docs/results`."""
+    for page in (DOCS / "guide").glob("*.md"):
+        assert not re.search(r"[Ss]eeds? \d|scenario", page.read_text(encoding="utf-8")), page.name
 
 
 def test_every_effect_of_a_device_has_a_section_with_its_port_and_title(monkeypatch):
