@@ -128,8 +128,8 @@ class Engine:
         out = np.full((n, len(record), (len(u) // 2) // every + 1), np.nan)
         arguments = (
             np.ascontiguousarray(x0[:, self._order]),
-            np.ascontiguousarray(constants, dtype=float),
-            np.ascontiguousarray(u, dtype=float),
+            _plain(constants),
+            _plain(u),
             tables,
             segment,
             float(h),
@@ -272,6 +272,11 @@ class ReferenceEngine(Engine):
         return {name: np.asarray(b.get(f"d_{name}", zero)) for name in self.model.states}
 
 
+def _plain(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Array of the type that the machine code is for."""
+    return np.require(values, float, ["C", "W"])
+
+
 def _tasks(n: int, threads: int) -> list[tuple[int, int, int]]:
     """Share n simulations: lanes of each task, and the first and last of its blocks of so many."""
     left_over = n % LANES if n % LANES <= SMALL_BATCH else 0
@@ -288,8 +293,8 @@ def _segments(
     model: Model, n: int, steps: int, tables: NDArray[np.float64] | None, segment: NDArray[np.int64] | None
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Tables and the row of each step (1 or n, n_steps + 1), checked: compiled code looks for no end of an array."""
-    tables = np.ascontiguousarray(np.zeros((1, 0)) if tables is None else tables, dtype=float)
-    segment = np.ascontiguousarray(np.zeros(steps + 1) if segment is None else segment, dtype=np.int64)
+    tables = _plain(np.zeros((1, 0)) if tables is None else tables)
+    segment = np.require(np.zeros(steps + 1) if segment is None else segment, np.int64, ["C", "W"])
     segment = np.atleast_2d(segment)
     if tables.ndim != 2 or tables.shape[1] != len(model.tables):
         raise InputError(

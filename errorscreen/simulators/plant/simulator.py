@@ -147,11 +147,13 @@ class PlantSimulator(Simulator):
             )
         self.step, self.dt = step, dt
         self.operating_point = dict(operating_point or {})
-        self._recent = Recent()
+        self._recent, self._observed = Recent(), Recent()
         self._engine = engines[engine](assemble(device, self.effects, self._behind), n_threads)
         self.channels = _channels(recording, channels, device.outputs)
         self.units = ("pu",) * len(self.channels)
-        self.event = recording if isinstance(recording, Playback) else self.observe(recording).event
+        if not isinstance(recording, Playback | Observation):  # the event does not depend on uncertainty
+            recording = self._without_uncertainty(check_recording(recording))
+        self.event = recording.event if isinstance(recording, Observation) else recording
 
     def __repr__(self) -> str:
         added = "".join(f" + {effect.name}" for effect in self.extensions)
@@ -180,8 +182,14 @@ class PlantSimulator(Simulator):
         """
         if isinstance(recording, Observation):
             return recording
-        recording = check_recording(recording)
-        observation = playback_observation(
+        known = (check_recording(recording), self.parameters, self.extensions)
+        observation: Observation = self._observed.get(
+            known, (self.step,), lambda: self._with_noise(self._without_uncertainty(recording), recording)
+        )
+        return observation
+
+    def _without_uncertainty(self, recording: Recording) -> Observation:
+        return playback_observation(
             recording,
             self.channels,
             dt=self.dt,
@@ -189,7 +197,6 @@ class PlantSimulator(Simulator):
             grid_impedance=self.grid_impedance,
             operating_point=self.operating_point,
         )
-        return self._with_uncertainty(observation, recording)
 
     @property
     def threads(self) -> int:
@@ -288,7 +295,8 @@ class PlantSimulator(Simulator):
         return np.asarray(self._recent.get((event,), (every, *between), compute))
 
     @one_blas_thread
-    def _with_uncertainty(self, observation: Observation, recording: Recording) -> Observation:
+    def _with_noise(self, observation: Observation, recording: Recording) -> Observation:
+        """Add the uncertainties that `observe` describes."""
         quiet = recording.quiet
         event, nominal = observation.event, self.parameters.nominal
         assert isinstance(event, Playback)
