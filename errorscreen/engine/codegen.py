@@ -1,8 +1,7 @@
-"""Writes the module that wires a model's functions together; it contains no equations.
+"""Writes the module that wires a model's functions together, without equations of its own.
 
-The module lies in the user's cache directory, because numba's file cache works only for functions that are
-defined in a file: closures are never found again by a new process. Its name carries a fingerprint of
-all sources it depends on, so an edited equation gives a new module and stale code is never reused.
+Numba's file cache needs functions that are defined in a file, so the module lies in the user's cache directory. Its
+name holds a fingerprint of all its sources: an edited equation gives a new module, and stale code is never used.
 """
 
 from __future__ import annotations
@@ -87,8 +86,8 @@ def integrate(
 class Layout:
     """Rows of the buffer: states, derivatives, start values, sums, constants, tables, signals.
 
-    States that belong to a switch lie behind the others, in the order of `Model.gated`. Tables have rows, too: in
-    registers there is room for few, and each simulation can have its own.
+    States of switches lie behind the others, in the order of `Model.gated`. Tables have rows as well, because each
+    simulation can have its own.
     """
 
     rows: dict[str, int]
@@ -119,8 +118,8 @@ class Layout:
 def _loop(call: Call, model: Model, layout: Layout, lanes: int, symbol: str) -> str:
     """Source of one call over all lanes.
 
-    The number of lanes comes as an argument, or LLVM would unroll the loop before it makes vector instructions of it;
-    the product says that these leave no remainder. It is unsigned, so that no index is checked for being negative.
+    The number of lanes is an argument, because LLVM would unroll a loop of known length before it vectorises it; the
+    product shows that no remainder is left. It is unsigned, so that no index is checked for being negative.
     """
 
     def address(name: str) -> str:
@@ -168,10 +167,10 @@ def source(model: Model, lanes: int) -> str:
 
 
 def cache_directory() -> Path:
-    """Where generated modules and numba's cache for them lie.
+    """Folder of generated modules and of numba's cache for them.
 
-    ``$ERRORSCREEN_CACHE_DIR``, else ``$XDG_CACHE_HOME/errorscreen``, else ``~/.cache/errorscreen``; a folder
-    for the process alone where that cannot be written.
+    ``$ERRORSCREEN_CACHE_DIR``, else ``$XDG_CACHE_HOME/errorscreen``, else ``~/.cache/errorscreen``; a temporary folder
+    of this process where that cannot be written.
     """
     root = os.environ.get("ERRORSCREEN_CACHE_DIR")
     base = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
@@ -224,11 +223,7 @@ def load_module(model: Model, lanes: int) -> ModuleType:
 def load_generated(name: str, text: str) -> ModuleType:
     """Import a generated module whose functions compile themselves.
 
-    Parameters
-    ----------
-    name : str
-        With a fingerprint of everything that its functions are compiled from: numba looks at this file alone.
-    text : str
+    Numba checks this file alone, so the name must hold a fingerprint of all sources.
     """
     with LOADING:
         return imported(_written(name, text))

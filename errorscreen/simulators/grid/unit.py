@@ -15,13 +15,13 @@ from errorscreen.power.load_flow import LoadFlow
 from errorscreen.power.network import Network
 from errorscreen.simulators.grid.assembly import machine_prefix, qualified
 
-#: of the fixed machines by name in the model, and size, voltage and power of each unit or load
+#: quantities of the fixed machines by name in the model, and size, voltage and power of each unit or load
 AtTerminals = tuple[Values, list[tuple[float, complex, complex]]]
 
 
 @dataclass(frozen=True)
 class Unit:
-    """A plant under test at a bus of the grid; it delivers what the load flow finds for the generator there.
+    """A plant under test at a bus of the grid, with the power of the generator there in the load flow.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class Unit:
     rating : float
         Base of the plant's own per unit in MVA.
     constants : mapping of str to float
-        Values of the device's constants other than the default ones.
+        Constants of the device that differ from the defaults.
 
     Examples
     --------
@@ -49,9 +49,7 @@ class Unit:
         if self.model.grid is None:
             raise InputError(f"the device {self.model.name!r} cannot be connected to a grid", where=where)
         check_real(self.rating, "the rating", low=0, above=True, where=where)
-        for name in self.constants:
-            if name not in self.default_constants:
-                raise unknown_name(name, self.default_constants, kind="constant", where=where)
+        _check_constants(self, where)
 
     @property
     def model(self) -> Device:
@@ -71,14 +69,14 @@ class Unit:
 
 @dataclass(frozen=True)
 class LoadUnderTest:
-    """A load of the grid that may be no constant impedance.
+    """A load of the grid in which effects may act.
 
     Parameters
     ----------
     bus : int
         Its device is called ``load_`` and the bus.
     constants : mapping of str to float
-        Values of the load's constants other than the default ones.
+        Constants of the load that differ from the defaults.
 
     Examples
     --------
@@ -90,11 +88,7 @@ class LoadUnderTest:
     constants: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name in self.constants:
-            if name not in self.default_constants:
-                raise unknown_name(
-                    name, self.default_constants, kind="constant", where=f"load at bus {self.bus}"
-                )
+        _check_constants(self, f"load at bus {self.bus}")
 
     @property
     def model(self) -> Device:
@@ -107,10 +101,16 @@ class LoadUnderTest:
         return LOAD.constant_values()
 
 
+def _check_constants(item: Unit | LoadUnderTest, where: str) -> None:
+    for name in item.constants:
+        if name not in item.default_constants:
+            raise unknown_name(name, item.default_constants, kind="constant", where=where)
+
+
 def at_rest(
     item: Unit | LoadUnderTest, given: Values, size: float, voltage: complex, power: complex, f0: float
 ) -> tuple[Values, NDArray[np.bool_]]:
-    """Quantities of a unit or load at its equilibrium, without prefix, and where there is one.
+    """Quantities of a unit or load at its equilibrium, without prefix, and rows that have one.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def at_rest(
     given : mapping of str to ndarray of shape (n,)
         Candidate parameters; nominal where missing.
     size : float
-        Base of its own per unit over that of the grid.
+        Its base over that of the grid.
     voltage, power : complex
         In pu of the grid; power delivered by a unit, drawn by a load.
     f0 : float
@@ -139,21 +139,7 @@ def at_rest(
 def at_terminals(
     flow: LoadFlow, machines: Sequence[FixedMachine], items: Sequence[Unit | LoadUnderTest]
 ) -> AtTerminals:
-    """Fixed machines at their equilibrium, and what each unit and load begins from.
-
-    Parameters
-    ----------
-    flow : LoadFlow
-    machines : sequence of FixedMachine
-    items : sequence of Unit or LoadUnderTest
-
-    Returns
-    -------
-    values : mapping of str to ndarray of shape ()
-        Of all machines, by name in the model.
-    given : list of (float, complex, complex)
-        Size, voltage and power of each unit and load, see `at_rest`.
-    """
+    """Equilibrium of the fixed machines, by name in the model, and arguments of `at_rest` for each unit and load."""
     network, generation = flow.network, flow.generation
     demand = network.demand()
     values: Values = {}
@@ -175,12 +161,9 @@ def check_terminals(
     machines: Sequence[FixedMachine],
     loads: Sequence[LoadUnderTest],
 ) -> None:
-    """Check that there is a machine or unit at each generator, and a load where one is under test.
+    """Raise `InputError` unless each generator has a machine or unit, and each load under test exists.
 
-    Raises
-    ------
-    InputError
-        If not, if a device or kind of connection is there twice, or if there is no fixed machine.
+    A device, or a kind of connection, may be there once only, and there must be a fixed machine.
     """
     where = "PowerSystemSimulator"
     buses = [m.bus for m in machines] + [u.bus for u in units]
