@@ -138,7 +138,7 @@ def _loop(call: Call, model: Model, layout: Layout, lanes: int, symbol: str) -> 
 
 
 def source(model: Model, lanes: int) -> str:
-    """Text of the module for `lanes` simulations side by side."""
+    """Text of the module for so many lanes."""
     layout = Layout.of(model)
     functions = list(dict.fromkeys(call.function for call in model.calls))
     symbol = {function: f"f{i}" for i, function in enumerate(functions)}
@@ -232,7 +232,7 @@ def load_generated(name: str, text: str) -> ModuleType:
 def _written(name: str, text: str) -> Path:
     """File of a module in the user's cache directory, written where it is missing or differs."""
     path = cache_directory() / f"{name}.py"
-    # compared, not trusted: what is imported is exactly what was just generated
+    # compared, not trusted: only the generated text is imported
     if not path.exists() or path.read_text(encoding="utf-8") != text:
         write_text_atomic(path, text)
     return path

@@ -20,7 +20,7 @@ from errorscreen.engine.codegen import Layout, load_module
 from errorscreen.engine.stages import Model
 from errorscreen.exceptions import InputError, unknown_name
 
-#: simulations side by side, and those of small batches
+#: lanes, and those of small batches
 LANES, FEW_LANES = 32, 8
 #: largest small batch: two blocks of 8 take less time than one of 32 that is half empty
 SMALL_BATCH = 16

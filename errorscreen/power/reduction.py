@@ -185,17 +185,9 @@ class Reducer:
                 raise InputError(f"no branch connects the buses {sending} and {receiving}", where="flows")
 
     def __call__(self, networks: Sequence[Network]) -> ReducedNetwork:
-        """Reduce several states of the grid, by (R3) where little differs.
+        """Reduce several states of the grid, by (R3) where little differs; other buses raise `InputError`.
 
-        Parameters
-        ----------
-        networks : sequence of Network
-            One or more, with the same buses in the same order; other buses raise `InputError`.
-
-        Returns
-        -------
-        ReducedNetwork
-            With one more axis, the first, for the states; NaN for a state without a unique solution.
+        The arrays have one more axis, the first, for the states; NaN for a state without a unique solution.
         """
         for network in networks:
             if network.buses != self.network.buses:

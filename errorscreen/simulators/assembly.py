@@ -30,27 +30,10 @@ def channel(signal: Any) -> Any:
 def assemble(device: Device, effects: Iterable[Effect], behind_impedance: bool = False) -> Model:
     """Model of a device at a terminal, with every effect compiled in and switched by its strength.
 
-    Effects on the same port act in the order given, directly behind the equations that write the port.
-
-    Parameters
-    ----------
-    device : Device
-    effects : iterable of Effect
-        Measurement effects are not compiled, see `measured`.
-    behind_impedance : bool
-        The inputs ``Er``, ``Ei`` are the voltage behind the impedance ``R_grid`` + j ``X_grid`` instead of the
-        terminal voltage: (G1) to (G5) of `errorscreen.power.elimination` for a single unit.
-
-    Returns
-    -------
-    Model
-        Constants: candidates, constants and set-points of the device, then parameters and derived constants of the
-        effects, prefixed by the effect's name. Outputs: the measured channels.
-
-    Raises
-    ------
-    InputError
-        If an effect acts on a port, or reads a quantity, that the device does not have.
+    Effects on the same port act in the order given, directly behind the equations that write the port. Measurement
+    effects are not compiled, see `measured`. With `behind_impedance` the inputs ``Er``, ``Ei`` are the voltage behind
+    ``R_grid`` + j ``X_grid`` instead of the terminal voltage: (G1) to (G5) of `errorscreen.power.elimination` for a
+    single unit. An effect on a port, or with a quantity, that the device does not have raises `InputError`.
     """
     effects = check_ports(device, effects)
     inputs, own, states = device.inputs, device.stages, device.states
@@ -183,15 +166,8 @@ def start_effects(
 ) -> Values:
     """Initial states and derived constants, by name in the model, of effects that are on in some simulation.
 
-    Parameters
-    ----------
-    effects : iterable of Effect
-    values : mapping of str to ndarray of shape (n,) or ()
-        Parameters of the effects by their name in the model.
-    own : callable
-        Quantities of an effect's device at its equilibrium.
-    h : float
-        Step of the integration in seconds.
+    `values` holds the effects' parameters by their name in the model, (n,) or (); `own` gives the quantities of an
+    effect's device at its equilibrium; h is the step in seconds.
     """
     start: Values = {}
     for effect in effects:

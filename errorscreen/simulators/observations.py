@@ -17,16 +17,7 @@ from errorscreen.simulators.base import Simulator
 
 
 def as_observations(simulator: Simulator, recordings: Any) -> list[Observation]:
-    """Bring one recording or several onto a simulator's channels and time grid.
-
-    Parameters
-    ----------
-    simulator : Simulator
-    recordings : Observation, or an argument of ``simulator.observe``, or a list or tuple of them
-
-    Returns
-    -------
-    list of Observation
+    """Bring one recording or several, or observations, onto a simulator's channels and time grid.
 
     Raises
     ------

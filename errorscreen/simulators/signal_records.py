@@ -56,15 +56,8 @@ def signal_observation(
     Irregular readings move to the nearest instant of a grid four times as fine, along the curve through their
     neighbours; the other instants are not compared.
 
-    Parameters
-    ----------
-    recording : Recording
-    inputs, outputs : tuple of str
-        Of the model; an output that was not recorded is all NaN.
-    units : tuple of str
-        Of the outputs.
-    initial : mapping of str to (str or float)
-        First guess of states: a number, or the output whose first reading it is.
+    An output that was not recorded is all NaN. `units` are those of the outputs. `initial` gives the first guess of
+    states: a number, or the output whose first reading it is.
 
     Raises
     ------
@@ -154,14 +147,8 @@ def between_samples(
 ) -> NDArray[np.float64]:
     """Inputs at the beginning, in the middle and at the end of each step, shape (K + 1, 3, number of inputs).
 
-    Parameters
-    ----------
-    event : InputSignal
-    names : tuple of str
-    every : int
-        Steps between two samples.
-    interpolation : {"linear", "hold", "cubic", "bandlimited"}
-        ``"hold"`` suits digital controllers, ``"bandlimited"`` signals behind an anti-aliasing filter.
+    There are `every` steps between two samples. ``"hold"`` suits digital controllers, ``"bandlimited"`` signals behind
+    an anti-aliasing filter.
     """
     time = event.time
     steps = every * (len(time) - 1)

@@ -82,18 +82,10 @@ def grid_effects(
 
 
 class GridModel:
-    """Model of machines and devices at the terminals of a reduced grid.
+    """Model of machines and devices at the terminals of a reduced grid, with effects at the devices that they name.
 
-    Parameters
-    ----------
-    machines : iterable of int
-        Buses of the fixed machines.
-    devices : iterable of Device
-        At most one of the kind ``"norton"`` and one of the kind ``"rotor"``.
-    channels : mapping of str to int or (int, int)
-        Observed quantities, as in `PowerSystemSimulator`.
-    effects : iterable of Effect
-        Compiled in, each at the device that it names.
+    At most one device may be of the kind ``"norton"`` and one of the kind ``"rotor"``; `machines` are the buses of the
+    fixed machines, `channels` those of `PowerSystemSimulator`.
     """
 
     def __init__(

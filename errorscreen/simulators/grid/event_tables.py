@@ -20,7 +20,7 @@ _COMPARED, _TOGETHER = 4, 64
 _NEARLY = 1e-6
 
 
-def what_happened(
+def events_by_row(
     event: GridEvent, effects: Sequence[Effect], theta: NDArray[np.float64], parameters: ParameterSpace
 ) -> Iterator[tuple[NDArray[np.bool_], GridEvent]]:
     """Rows of parameters with the same true event, and that event, from effects of the kind ``"event"``."""
@@ -30,10 +30,10 @@ def what_happened(
     # sorted, so that equal states of the grid follow each other
     for number in np.lexsort(kinds.T[::-1]):
         own = dict(zip(names, kinds[number].tolist(), strict=True))
-        happened: Any = event
+        true_event: Any = event
         for effect in effects:
-            happened = effect.equations(happened, *(own[effect.local(p.name)] for p in effect.parameters))
-        yield which == number, happened
+            true_event = effect.equations(true_event, *(own[effect.local(p.name)] for p in effect.parameters))
+        yield which == number, true_event
 
 
 def tables_in_time(
@@ -43,29 +43,10 @@ def tables_in_time(
     h: float,
     steps: int,
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Tables of the grid's states, the state before the event first, and the state of each step.
+    """Tables of the grid's states (n_states, n_tables), that before the event first, and the state of each step.
 
-    Parameters
-    ----------
-    event : GridEvent
-    network : Network
-        Before the event.
-    tables : callable
-        Gives the tables of states of the grid, shape (n_states, n_tables).
-    h : float
-        Step in seconds.
-    steps : int
-
-    Returns
-    -------
-    tables : ndarray of shape (n_states, n_tables)
-    segment : ndarray of shape (steps + 1,)
-        Row of `tables` for each step, see `Engine.integrate`.
-
-    Raises
-    ------
-    InputError
-        If the grid changes at no multiple of the step, or has no unique solution.
+    `network` is the grid before the event, and `tables` gives the tables of its states. A change of the grid at no
+    multiple of the step h, or a state without a unique solution, raises `InputError`.
     """
     changes = event.changes(network)
     values = tables([network, *(changed for _, changed in changes)])
@@ -86,7 +67,7 @@ def tables_in_time(
 
 
 def courses(
-    happened: Iterable[tuple[NDArray[np.bool_], GridEvent]],
+    true_events: Iterable[tuple[NDArray[np.bool_], GridEvent]],
     network: Network,
     tables: Callable[[Sequence[Network]], NDArray[np.float64]],
     before: NDArray[np.float64],
@@ -94,38 +75,18 @@ def courses(
     n: int,
     h: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.bool_]]:
-    """Tables and segments of n simulations with different events.
+    """Tables and segments of n simulations with the events of `events_by_row`, and which are possible (n,).
 
-    An estimated instant must act smoothly, so it need not fall on a step: the step in which the grid changes has the
-    mean of both tables, weighted by time.
-
-    Parameters
-    ----------
-    happened : iterable of (ndarray of shape (n,), GridEvent)
-        See `what_happened`.
-    network, tables, h
-        See `tables_in_time`.
-    before : ndarray of shape (n_tables,)
-        Table of the grid before the event.
-    instants : int
-        Number of steps, plus one.
-    n : int
-
-    Returns
-    -------
-    tables : ndarray of shape (n_states, n_tables)
-        The state before the event first, which is common to all.
-    segment : ndarray of shape (n, instants)
-        See `Engine.integrate`.
-    possible : ndarray of shape (n,), bool
-        False where open branches leave an island.
+    The table `before` the event, which is common to all, comes first. An estimated instant must act smoothly, so it
+    need not fall on a step: the step in which the grid changes has the mean of both tables, weighted by time. An event
+    is not possible where open branches leave an island.
     """
     # states are reduced together; a fault that only lasts longer has the same ones
     parts, plans, possible = [before[None]], [], np.ones(n, dtype=bool)
     recent: list[tuple[int, Network]] = [(0, network)]
     waiting: list[Network] = []
     count = 1
-    for rows, event in happened:
+    for rows, event in true_events:
         try:
             changes = event.changes(network)
         except InputError:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from errorscreen.data.observations import Observation
 from errorscreen.effects import Effect
-from errorscreen.engine import new_engine
+from errorscreen.engine.kernels import new_engine
 from errorscreen.events import Event, GridEvent
 from errorscreen.exceptions import InputError, check_real, unknown_name
 from errorscreen.models import LOAD, FixedMachine
@@ -31,7 +31,7 @@ from errorscreen.simulators.assembly import (
 )
 from errorscreen.simulators.base import Responses, Simulator, Status
 from errorscreen.simulators.grid.assembly import GridModel, grid_effects, qualified
-from errorscreen.simulators.grid.event_tables import courses, steps_at_rest, tables_in_time, what_happened
+from errorscreen.simulators.grid.event_tables import courses, events_by_row, steps_at_rest, tables_in_time
 from errorscreen.simulators.grid.unit import (
     AtTerminals,
     LoadUnderTest,
@@ -266,9 +266,9 @@ class PowerSystemSimulator(Simulator):
         tables, segment = self._course(event, h, every)  # the recorded event must be possible
         if not altering:
             return tables, segment, np.ones(len(theta), dtype=bool)
-        happened = what_happened(event, altering, theta, self.parameters)
+        true_events = events_by_row(event, altering, theta, self.parameters)
         network, own = self._flow(event).network, self._tables(event)
-        return courses(happened, network, own, tables[0], segment.shape[-1], len(theta), h)
+        return courses(true_events, network, own, tables[0], segment.shape[-1], len(theta), h)
 
     def _course(
         self, event: GridEvent, h: float, every: int

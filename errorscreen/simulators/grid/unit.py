@@ -112,17 +112,8 @@ def at_rest(
 ) -> tuple[Values, NDArray[np.bool_]]:
     """Quantities of a unit or load at its equilibrium, without prefix, and rows that have one.
 
-    Parameters
-    ----------
-    item : Unit or LoadUnderTest
-    given : mapping of str to ndarray of shape (n,)
-        Candidate parameters; nominal where missing.
-    size : float
-        Its base over that of the grid.
-    voltage, power : complex
-        In pu of the grid; power delivered by a unit, drawn by a load.
-    f0 : float
-        Hz.
+    `given` holds candidate parameters (n,), nominal where missing; `size` is the item's base over that of the grid;
+    voltage and power are in pu of the grid, power delivered by a unit or drawn by a load.
     """
     device = item.model
     assert device.grid is not None
@@ -131,7 +122,7 @@ def at_rest(
     numbers |= {"V": abs(voltage), "angle": float(np.angle(voltage))}
     numbers |= {"P": power.real / size, "Q": power.imag / size}
     own |= {name: np.array(value) for name, value in numbers.items()}
-    with np.errstate(all="ignore"):  # an absurd parameter shows in what is feasible
+    with np.errstate(all="ignore"):  # an absurd parameter shows as no equilibrium
         states, setpoints, possible = device.initialise(own)
     return {**own, **states, **setpoints, **{s: own[name] for s, name in device.grid.states}}, possible
 

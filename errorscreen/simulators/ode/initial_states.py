@@ -27,20 +27,8 @@ _Array = NDArray[np.float64]
 class InitialStates:
     """Knowledge of the initial state of each recording.
 
-    Parameters
-    ----------
-    states, outputs : tuple of str
-    units : mapping of str to str
-        Of the states.
-    given : mapping of str to (float, "measured" or Parameter)
-        See `ODESimulator`.
-    columns : mapping of (str, str) to int
-        Column of theta that holds a state of a recording, by recording and state.
-
-    Raises
-    ------
-    InputError
-        If a state is unknown, or a measured one is no output.
+    `given` is the argument ``initial`` of `ODESimulator`; `columns` has the columns of theta by recording and state. An
+    unknown state, or a measured one that is no output, raises `InputError`.
     """
 
     states: tuple[str, ...]

@@ -57,30 +57,9 @@ def library(
 ) -> tuple[Effect, ...]:
     """Generic effects of a model, with ranges from its nominal run and the measurements.
 
-    Parameters
-    ----------
-    names : Quantities
-    units : mapping of str to str
-        Of all quantities.
-    event : InputSignal
-        Of the nominal run.
-    nominal : mapping of str to ndarray
-        Course of each state, input and signal at the nominal parameters.
-    step : float
-        Seconds between their values.
-    baseline : callable
-        Gives the nominal outputs (R, L).
-    rhs : callable
-        ``rhs(t, x, u, p, dx)`` of the user.
-    p : ndarray
-        Nominal parameters, then constants.
-    measurements : sequence of Observation
-    templates : iterable of str, optional
-
-    Raises
-    ------
-    SimulationError
-        If the nominal run diverges.
+    `nominal` holds the course of each state, input and signal at the nominal parameters, every `step` seconds during
+    `event`; `baseline` gives the nominal outputs (R, L); `rhs` is the user's function with parameters and constants p;
+    `units` are those of all quantities. `SimulationError` if the nominal run diverges.
     """
     ranges = _ranges(names, nominal, step, event)
     ranges |= {name: _range(row) for name, row in zip(names.outputs, baseline(), strict=True)}
@@ -104,27 +83,11 @@ def library(
 def effect_table(
     names: Quantities, effects: Iterable[Effect], parameters: ParameterSpace, event: InputSignal, held: bool
 ) -> tuple[NDArray[np.int64], _Array, list[int], int]:
-    """Rows of the effects that were added, for `errorscreen.simulators.ode.kernel.integrate`.
+    """Table for `errorscreen.simulators.ode.kernel.integrate` with a row for each generic effect.
 
-    Parameters
-    ----------
-    names : Quantities
-    effects : iterable of Effect
-        Only generic ones have rows.
-    parameters : ParameterSpace
-        With those of the effects.
-    event : InputSignal
-    held : bool
-        Whether inputs are held between samples.
-
-    Returns
-    -------
-    table : ndarray of shape (rows, 7), int
-    owns : ndarray of shape (rows, 4)
-    columns : list of int
-        Parameters of the effects in theta.
-    extra : int
-        Number of states that the effects have.
+    `parameters` are those of the extended model; `held` tells whether inputs are held between samples. Returned are the
+    table (rows, 7), its constants (rows, 4), the columns of theta that hold the effects' parameters, and the number of
+    states of the effects.
     """
     rows: list[list[int]] = []
     owns: list[list[float]] = []

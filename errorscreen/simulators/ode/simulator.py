@@ -51,7 +51,7 @@ _PLAUSIBLE = 1e12
 #: simulations that one thread takes at a time
 _SHARE = 16
 #: share of a record from which its initial state is estimated
-_SETTLING = 1.0 / 3.0
+_BEGINNING = 1.0 / 3.0
 
 _Array = NDArray[np.float64]
 
@@ -265,7 +265,7 @@ class ODESimulator(Simulator):
         low, high = np.array([self._initial.bounds(name, observation) for name in free]).T
         scales = high - low
         guess = np.clip([event.initial[name] for name in free], low, high)
-        keep = max(2, int(np.ceil(_SETTLING * len(event.time))))
+        keep = max(2, int(np.ceil(_BEGINNING * len(event.time))))
         part = observation.mask & (np.arange(len(event.time)) < keep)
         if not part.any():
             return observation

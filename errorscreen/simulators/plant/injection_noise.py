@@ -45,16 +45,8 @@ def noise_left(observation: Observation, errors: _Array, part: NDArray[np.bool_]
     """Standard deviation (R,) of the noise in the errors of a simulation.
 
     It is the noise of the channel, or the scatter of the errors before the event where that is larger. Where a channel
-    is also injected, its noise moves the simulation as well, and less of it may remain.
-
-    Parameters
-    ----------
-    observation : Observation
-        Its event is a `Playback`.
-    errors : ndarray of shape (R, K)
-        Measured minus simulated before the event.
-    part : ndarray of shape (L,), bool
-        Samples before the event.
+    is also injected, its noise moves the simulation as well, and less of it may remain. `errors` (R, K) are measured
+    minus simulated at the samples before the event, which `part` (L,) marks.
     """
     assert isinstance(observation.event, Playback)
     time, noise = observation.time[part], np.array(observation.noise)
@@ -78,7 +70,6 @@ def with_uncertainty(
     Parameters
     ----------
     observation : Observation
-        Its event is a `Playback`.
     run : callable
         ``run(event, interpolation=..., step=..., jump=...)`` gives the response (R, L) of the model, NaN where it
         fails.
@@ -126,7 +117,6 @@ def propagated_energy(observation: Observation, run: _Run) -> _Array:
     Parameters
     ----------
     observation : Observation
-        Its event is a `Playback`.
     run : callable
         ``run(event)`` gives responses (n, R, L), NaN where they fail.
 

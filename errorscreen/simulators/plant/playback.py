@@ -37,19 +37,8 @@ def playback_observation(
     integral, :math:`\theta = 2\pi\int (f - f_{pre})\,dt`. Short gaps of the voltage are interpolated, longer ones
     (`errorscreen.data.resampling.SHORT_GAP`) only before the event, and nothing is compared there.
 
-    Parameters
-    ----------
-    recording : Recording
-    channels : tuple of str
-        The R channels to compare with; one that was not recorded is all NaN.
-    dt : float, optional
-        Step of the grid in seconds; the recording's median sample distance where not given.
-    needs_angle : bool
-        Whether the device's response depends on the angle.
-    grid_impedance : complex
-        In pu. With another value than 0 the recorded P and Q are injected as well.
-    operating_point : mapping of str to float, optional
-        Pre-event ``"P"`` or ``"Q"`` in pu where it was not recorded.
+    See `PlantSimulator` for the arguments. A channel that was not recorded is all NaN. With an impedance, the recorded
+    P and Q are injected as well.
 
     Raises
     ------

@@ -15,7 +15,7 @@ from errorscreen.data.recordings import Recording
 from errorscreen.data.resampling import check_steps
 from errorscreen.data.signals import correlation_time
 from errorscreen.effects import LIBRARY, Effect, common_skew, measurement_effects
-from errorscreen.engine import new_engine
+from errorscreen.engine.kernels import new_engine
 from errorscreen.events import Event, Playback
 from errorscreen.exceptions import InputError, unknown_name
 from errorscreen.models import DEVICES, Device
