@@ -8,11 +8,7 @@ the grid, currents :math:`I_t` injected at the terminals give
     V_t = Z_{tt} I_t,\quad V_o = Z_{ot} I_t,\quad I_f = K_{ft} I_t                                    & (R1)
 
 for the terminals, observed buses and observed branches. :math:`Z` has rows and columns of the inverse admittance
-matrix; those of a bus with a bolted fault are zero. For admittances this is Kron's reduction (Sauer, Pai, Chow, *Power
-System Dynamics and Stability*, 2nd ed. 2017, section 7.6; Dörfler, Bullo, *Kron Reduction of Graphs with Applications
-to Electrical Networks*, IEEE Trans. CAS I, 2013),
-
-.. math:: Y_{red} = Y_{kk} - Y_{kr} Y_{rr}^{-1} Y_{rk}                                                 & (R2)
+matrix; those of a bus with a bolted fault are zero.
 """
 
 from __future__ import annotations
@@ -71,21 +67,22 @@ class ReducedNetwork:
         return (currents @ voltages) * (currents @ arriving).conj()
 
 
-def reduce_network(
-    network: Network,
-    terminals: Iterable[int],
-    *,
-    load_voltages: ArrayLike,
-    observed: Iterable[int] = (),
-    flows: Iterable[tuple[int, int]] = (),
-    admittances: Mapping[int, complex] | None = None,
-) -> ReducedNetwork:
-    """Eliminate everything but the terminals of the units.
+class Reducer:
+    r"""Eliminates the same buses in many states of one grid.
+
+    States differ little: a fault, a branch or a load changes a few entries D of the admittance matrix, at the buses s.
+    With the inverse Z of the matrix before, the voltages for unit currents at the terminals are
+
+    .. math:: V' = V - Z_{:s} (1 + D Z_{ss})^{-1} D V_s                                                  & (R2)
+
+    (Woodbury's identity; Hager, *Updating the Inverse of a Matrix*, SIAM Review, 1989), and likewise for a bolted
+    fault, whose voltage is zero. A state is reduced anew where a quarter of the buses changes, or where rounding errors
+    would be large.
 
     Parameters
     ----------
     network : Network
-        One state of the grid: before, during or after a disturbance.
+        The state that is close to the others.
     terminals : iterable of int
     load_voltages : array-like of shape (n_buses,)
         Voltages of the load flow **before** the disturbance, which fix the impedances of the loads in all states.
@@ -97,14 +94,10 @@ def reduce_network(
         Constant internal admittance of a unit in pu, by bus, for example :math:`1/(R_a + jX'_d)` of a classical
         machine; its injected current is then the Norton current :math:`E'/(R_a + jX'_d)`.
 
-    Returns
-    -------
-    ReducedNetwork
-
     Raises
     ------
     InputError
-        If a bus or branch is unknown, or the grid has no unique solution.
+        If a bus or branch is unknown.
 
     Examples
     --------
@@ -112,47 +105,10 @@ def reduce_network(
 
     >>> from errorscreen.power.elements import Branch, Bus, Load
     >>> grid = Network((Bus(1), Bus(2)), (Branch(1, 2, 0.0, 0.1),), slack=1, loads=(Load(2, 1.0),))
-    >>> reduced = reduce_network(grid, [1], load_voltages=[1.0, 1.0], observed=[2], flows=[(1, 2)])
+    >>> reducer = Reducer(grid, [1], load_voltages=[1.0, 1.0], observed=[2], flows=[(1, 2)])
+    >>> reduced = reducer.anew(grid)
     >>> reduced.impedance.round(12), reduced.arriving_power([0.5]).round(12)
     (array([[1.+0.1j]]), array([0.25+0.j]))
-    >>> during = reduce_network(grid.with_fault(2), [1], load_voltages=[1.0, 1.0], observed=[2])
-    >>> during.impedance.round(12), during.transfer
-    (array([[0.+0.1j]]), array([[0.+0.j]]))
-    """
-    return Reducer(
-        network,
-        terminals,
-        load_voltages=load_voltages,
-        observed=observed,
-        flows=flows,
-        admittances=admittances,
-    ).anew(network)
-
-
-class Reducer:
-    r"""Eliminates the same buses in many states of one grid.
-
-    States differ little: a fault, a branch or a load changes a few entries D of the admittance matrix, at the buses s.
-    With the inverse Z of the matrix before, the voltages for unit currents at the terminals are
-
-    .. math:: V' = V - Z_{:s} (1 + D Z_{ss})^{-1} D V_s                                                  & (R3)
-
-    (Woodbury's identity; Hager, *Updating the Inverse of a Matrix*, SIAM Review, 1989), and likewise for a bolted
-    fault, whose voltage is zero. A state is reduced anew where a quarter of the buses changes, or where rounding errors
-    would be large.
-
-    Parameters
-    ----------
-    network : Network
-        The state that is close to the others.
-    terminals, load_voltages, observed, flows, admittances
-        See `reduce_network`, also for errors.
-
-    Examples
-    --------
-    >>> from errorscreen.power.elements import Branch, Bus, Load
-    >>> grid = Network((Bus(1), Bus(2)), (Branch(1, 2, 0.0, 0.1),), slack=1, loads=(Load(2, 1.0),))
-    >>> reducer = Reducer(grid, [1], load_voltages=[1.0, 1.0])
     >>> reducer([grid, grid.with_fault(2, 0.1j)]).impedance.round(4)
     array([[[1.    +0.1j  ]],
     <BLANKLINE>
@@ -185,7 +141,7 @@ class Reducer:
                 raise InputError(f"no branch connects the buses {sending} and {receiving}", where="flows")
 
     def __call__(self, networks: Sequence[Network]) -> ReducedNetwork:
-        """Reduce several states of the grid, by (R3) where little differs; other buses raise `InputError`.
+        """Reduce several states of the grid, by (R2) where little differs; other buses raise `InputError`.
 
         The arrays have one more axis, the first, for the states; NaN for a state without a unique solution.
         """
@@ -210,7 +166,7 @@ class Reducer:
         return self._reduced(networks, V)
 
     def anew(self, network: Network) -> ReducedNetwork:
-        """Reduce one state of the grid without (R3)."""
+        """Reduce one state of the grid without (R2); one without a unique solution raises `InputError`."""
         found = self._reduced([network], self._solved(network)[None])
         arrays = (found.impedance, found.transfer, found.flow_currents, found.flow_voltages)
         return ReducedNetwork(self.terminals, self.observed, self.flows, *(values[0] for values in arrays))
@@ -246,7 +202,7 @@ class Reducer:
         s: NDArray[np.int64],
         grounded: NDArray[np.int64],
     ) -> tuple[NDArray[np.complex128], NDArray[np.bool_]]:
-        """Voltages of all buses in states with the same changed buses, by (R3), and which states are accurate."""
+        """Voltages of all buses in states with the same changed buses, by (R2), and which states are accurate."""
         n, T = len(D), len(self._at)
         if 4 * (len(s) + len(grounded)) > len(Z):
             return np.zeros((n, len(Z), T), dtype=complex), np.zeros(n, dtype=bool)
@@ -298,41 +254,6 @@ class Reducer:
             arriving,
             V[:, self._receiving],
         )
-
-
-def kron_reduction(Y: ArrayLike, keep: Iterable[int]) -> NDArray[np.complex128]:
-    r"""Admittance matrix of the kept nodes, with all others, which have no source, eliminated, (R2).
-
-    Parameters
-    ----------
-    Y : array-like of shape (n, n), complex
-    keep : iterable of int
-        Positions of the kept nodes in the wanted order.
-
-    Raises
-    ------
-    InputError
-        If a position is outside the matrix or appears twice, or the eliminated part is singular.
-
-    Examples
-    --------
-    Two reactances of 0.1 pu in series:
-
-    >>> Y = [[-10j, 10j, 0], [10j, -20j, 10j], [0, 10j, -10j]]
-    >>> kron_reduction(Y, [0, 2]).imag
-    array([[-5.,  5.],
-           [ 5., -5.]])
-    """
-    Y = np.asarray(Y, dtype=complex)
-    k = np.array(list(keep), dtype=np.int64)
-    if Y.ndim != 2 or Y.shape[0] != Y.shape[1]:
-        raise InputError(f"the admittance matrix has shape {Y.shape}", allowed="a square matrix")
-    if len(set(k.tolist())) != len(k) or not np.all((k >= 0) & (k < len(Y))):
-        raise InputError(
-            f"the kept positions are {k.tolist()}", allowed=f"different integers from 0 to {len(Y) - 1}"
-        )
-    r = np.setdiff1d(np.arange(len(Y)), k)
-    return Y[np.ix_(k, k)] - Y[np.ix_(k, r)] @ _solve(Y[np.ix_(r, r)], Y[np.ix_(r, k)])
 
 
 def _unit_responses(
