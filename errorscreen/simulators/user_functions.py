@@ -7,7 +7,7 @@ import inspect
 import math
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from types import CodeType
 from typing import Any
 
@@ -47,8 +47,13 @@ def identity(function: Any) -> str:
 def _parts(function: Any) -> Iterator[str]:
     function = getattr(function, "py_func", function)  # of a function compiled by numba
     code = getattr(function, "__code__", None)
-    if code is None:  # a callable object
-        yield f"{type(function).__qualname__} {sorted(vars(function).items()) if hasattr(function, '__dict__') else ''}"
+    if isinstance(function, partial):
+        yield repr((function.args, sorted(function.keywords.items())))
+        yield from _parts(function.func)
+        return
+    if code is None:  # a callable object: its state as in a pickle, without temporary files and the like
+        state = vars(function) if isinstance(function, type) else function.__getstate__() or {}
+        yield f"{type(function).__qualname__} {sorted(state.items()) if isinstance(state, dict) else state}"
         return
     yield from _parts_of_code(code)
     closure = function.__closure__ or ()
