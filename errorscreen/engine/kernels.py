@@ -1,8 +1,8 @@
 """Runs a model: compiled in lanes, or in NumPy; both agree bit for bit.
 
-Lanes: 32 simulations lie side by side in memory and the inner loop over them becomes vector instructions. Small
-batches, and what is left over of a larger one, take 8, of which fewer are unused: a search asks for seven trial points
-as often as for hundreds.
+32 simulations (lanes) lie side by side in memory, and the inner loop over them becomes vector instructions. Small
+batches, and the rest of a large one, take 8 lanes, so that fewer are unused: a search asks for seven trial points as
+often as for hundreds.
 """
 
 from __future__ import annotations
@@ -18,28 +18,28 @@ from numpy.typing import NDArray
 from errorscreen._runtime.threads import parallel_map, threads_left
 from errorscreen.engine.codegen import Layout, load_module
 from errorscreen.engine.stages import Model
-from errorscreen.exceptions import InputError
+from errorscreen.exceptions import InputError, unknown_name
 
-#: simulations side by side, and those of small batches
+#: lanes, and those of small batches
 LANES, FEW_LANES = 32, 8
-#: simulations up to which a batch is small: two blocks of few take less time than one that is half empty
+#: largest small batch: two blocks of 8 take less time than one of 32 that is half empty
 SMALL_BATCH = 16
 #: most simulations of a task: a thread that was held up leaves the rest to the others
 _TASK = 64
-#: relative change of a state in a step that is none: what rounding leaves of an equilibrium. Little more, because a
-#: latch that has begun to close does so however little it is closed
+#: relative change of a state in a step that counts as none: the rounding of an equilibrium, and little more, because a
+#: latch that begins to close moves slowly
 _STILL = 1e-12
 
 
 class Engine:
-    """Integrates a model for many parameter sets at once with the fixed-step Runge-Kutta method of order four.
+    """Integrates a model for many parameter sets at once by the Runge-Kutta method of order four with a fixed step.
 
     Parameters
     ----------
     model : Model
     n_threads : int, optional
-        Threads that share the blocks of simulations; by default numba's setting, which joblib's worker
-        processes limit. The result does not depend on it.
+        Numba's setting where not given, which joblib limits in its worker processes. The result does not depend
+        on it.
 
     Examples
     --------
@@ -57,7 +57,7 @@ class Engine:
         self.layout = Layout.of(model)
         self.n_threads = n_threads
         self._kernels: dict[int, Any] = {}
-        # looked up once: a search makes many small batches of models with hundreds of quantities
+        # looked up once: a search runs many small batches of models with hundreds of quantities
         self._order = [model.states.index(name) for name in self.layout.states]
         self._switches = np.array([model.constants.index(name) for name in model.switches], dtype=np.int64)
         self._gates = np.array([model.constants.index(name) for name, _ in model.gated], dtype=np.int64)
@@ -109,17 +109,16 @@ class Engine:
         tables : ndarray of shape (n_segments, n_tables), optional
             Values of ``model.tables`` in each segment of the event.
         segment : ndarray of shape (n_steps + 1,) or (n, n_steps + 1), int, optional
-            Row of `tables` that holds **throughout** each step, its end included, so that an instant at which the
-            tables change splits two steps and the method keeps its order; the last entry is for the last record. What
-            is recorded at such an instant is the value just after it. All zero where not given. With two dimensions
-            each simulation has its own course of the event.
+            Row of `tables` that holds **throughout** each step, its end included: tables change between two steps, so
+            the method keeps its order. The last entry is for the last record. The value recorded at a change is the one
+            just after it. All zero where not given. With two dimensions each simulation has its own course.
         record : sequence of str, optional
-            Names of the R quantities that are recorded; ``model.outputs`` where not given.
+            Names of the R recorded quantities; ``model.outputs`` where not given.
 
         Returns
         -------
         ndarray of shape (n, R, n_steps // every + 1)
-            A simulation that diverges holds values that are not finite.
+            Values that are not finite where a simulation diverges.
         """
         n = len(x0)
         model, layout = self.model, self.layout
@@ -128,8 +127,8 @@ class Engine:
         out = np.full((n, len(record), (len(u) // 2) // every + 1), np.nan)
         arguments = (
             np.ascontiguousarray(x0[:, self._order]),
-            np.ascontiguousarray(constants, dtype=float),
-            np.ascontiguousarray(u, dtype=float),
+            _plain(constants),
+            _plain(u),
             tables,
             segment,
             float(h),
@@ -160,20 +159,10 @@ class Engine:
         h: float,
         tables: NDArray[np.float64] | None = None,
     ) -> NDArray[np.bool_]:
-        """Whether a step without inputs changes no state, so that none ever will.
+        """Whether a step without inputs changes no state (n,), so that none ever will; arguments as in `integrate`.
 
-        Clocks are states: where one runs, something may still happen. States that belong to a switch do not count where
-        it is off; beside a simulation in which it is on they may move, but nothing reads them.
-
-        Parameters
-        ----------
-        x0, constants, h
-            See `integrate`.
-        tables : ndarray of shape (1, n_tables), optional
-
-        Returns
-        -------
-        ndarray of shape (n,), bool
+        Clocks are states: while one runs, something may still happen. States of a switch that is off do not count:
+        they may move beside a simulation in which it is on, but nothing reads them.
         """
         x = self.integrate(x0, constants, np.zeros((3, 0)), h=h, tables=tables, record=self.model.states)
         still = np.abs(np.diff(x)[..., 0]) <= _STILL * np.maximum(1.0, np.abs(x0))
@@ -183,7 +172,7 @@ class Engine:
 
 
 class ReferenceEngine(Engine):
-    """The same model in plain NumPy: readable, slow, and the oracle of the tests."""
+    """The same model in NumPy: slow, the reference of the tests."""
 
     def integrate(
         self,
@@ -243,17 +232,13 @@ class ReferenceEngine(Engine):
         self, x: NDArray[np.float64], constants: NDArray[np.float64]
     ) -> dict[str, NDArray[np.float64]]:
         """All given quantities by name, each of shape (n,)."""
-        model = self.model
-        groups = ((model.states, x), (model.constants, constants))
-        return {
-            name: np.array(column, dtype=float)
-            for names, rows in groups
-            for name, column in zip(names, rows.T, strict=True)
-        }
+        names = (*self.model.states, *self.model.constants)
+        rows = (*x.T, *constants.T)
+        return {name: np.array(row, dtype=float) for name, row in zip(names, rows, strict=True)}
 
     @staticmethod
     def _set(b: dict[str, NDArray[np.float64]], names: tuple[str, ...], values: NDArray[np.float64]) -> None:
-        """Give quantities that all simulations share their values."""
+        """Set quantities that all simulations share."""
         like = next(iter(b.values()))
         b |= {name: np.full_like(like, value) for name, value in zip(names, values, strict=True)}
 
@@ -272,8 +257,13 @@ class ReferenceEngine(Engine):
         return {name: np.asarray(b.get(f"d_{name}", zero)) for name in self.model.states}
 
 
+def _plain(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Array of the type that the machine code is for."""
+    return np.require(values, float, ["C", "W"])
+
+
 def _tasks(n: int, threads: int) -> list[tuple[int, int, int]]:
-    """Share n simulations: lanes of each task, and the first and last of its blocks of so many."""
+    """Lanes of each task, and the first and last of its blocks of so many simulations."""
     left_over = n % LANES if n % LANES <= SMALL_BATCH else 0
     share = min(_TASK, -(-n // threads)) if threads > 1 else n
     tasks = []
@@ -287,9 +277,9 @@ def _tasks(n: int, threads: int) -> list[tuple[int, int, int]]:
 def _segments(
     model: Model, n: int, steps: int, tables: NDArray[np.float64] | None, segment: NDArray[np.int64] | None
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Tables and the row of each step (1 or n, n_steps + 1), checked: compiled code looks for no end of an array."""
-    tables = np.ascontiguousarray(np.zeros((1, 0)) if tables is None else tables, dtype=float)
-    segment = np.ascontiguousarray(np.zeros(steps + 1) if segment is None else segment, dtype=np.int64)
+    """Tables and the row of each step (1 or n, n_steps + 1), checked: compiled code has no bounds checks."""
+    tables = _plain(np.zeros((1, 0)) if tables is None else tables)
+    segment = np.require(np.zeros(steps + 1) if segment is None else segment, np.int64, ["C", "W"])
     segment = np.atleast_2d(segment)
     if tables.ndim != 2 or tables.shape[1] != len(model.tables):
         raise InputError(
@@ -305,3 +295,11 @@ def _segments(
             allowed=f"{steps + 1} integers from 0 to {len(tables) - 1}, for all simulations or for each of {n}",
         )
     return tables, segment
+
+
+def new_engine(kind: str, model: Model, n_threads: int | None) -> Engine:
+    """Engine of a kind, ``"compiled"`` or ``"numpy"``; another kind raises `InputError`."""
+    engines = {"compiled": Engine, "numpy": ReferenceEngine}
+    if kind not in engines:
+        raise unknown_name(kind, engines, kind="engine")
+    return engines[kind](model, n_threads)

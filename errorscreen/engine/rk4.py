@@ -4,9 +4,9 @@ r"""Fixed-step Runge-Kutta method of order four, for a block of simulations in o
 
 (Hairer, Nørsett, Wanner, *Solving Ordinary Differential Equations I*, table II.1.2.)
 
-A quantity is a row of the buffer, a simulation a lane (column): ``b[row * lanes + lane]``. The generated
-module calls these functions between evaluations of the model; ``spans`` are ranges of rows [first, last)
-of the states, of which only those with ``active`` set are advanced.
+A quantity is a row of the buffer, a simulation a lane (column): ``b[row * lanes + lane]``. The generated module calls
+these functions between evaluations of the model; only ``spans`` of states, rows [first, last), with ``active`` set are
+advanced.
 """
 
 from __future__ import annotations

@@ -13,10 +13,10 @@ Equations = Callable[..., Any]
 
 
 def stage(*writes: str) -> Callable[[Equations], Equations]:
-    """Declare the quantities that a function of equations returns; its arguments say what it reads.
+    """Declare the quantities that a function of equations returns; its arguments name those that it reads.
 
-    The function stays what it is: it works on floats and on arrays alike, the engine compiles it, and the
-    NumPy reference path calls it. A derivative is called ``"d_"`` + state.
+    The function itself does not change: it works on floats and arrays, the engine compiles it, and the NumPy reference
+    calls it. A derivative is called ``"d_"`` + state.
 
     Examples
     --------
@@ -54,10 +54,9 @@ class Call:
     reads, writes : tuple of str
         Names in the model's name space, in the order of the arguments and of the returned tuple.
     switch : str, default ""
-        Quantity that must be nonzero in at least one simulation of a block for the call to be made;
-        empty: always made.
+        The call is made only where this quantity is nonzero in a simulation of the block; empty: always.
     recorded : bool, default False
-        Made only where outputs are recorded, after all others, instead of at every Runge-Kutta stage.
+        The call is made only where outputs are recorded, after all others, not at every Runge-Kutta stage.
     """
 
     function: Equations
@@ -75,25 +74,24 @@ class Model:
     ----------
     name : str
     inputs : tuple of str
-        Functions of time, the same for every simulation of a batch.
+        Functions of time, the same for all simulations.
     states : tuple of str
         Integrated quantities.
     constants : tuple of str
-        Per-simulation values that stay as they are: parameters, constants and set-points.
+        Constant values of each simulation: parameters, constants and set-points.
     calls : tuple of Call
     outputs : tuple of str
         Recorded quantities.
     gated : tuple of (str, tuple of str)
-        Switch and the states that exist only while it is on; they are integrated only then.
+        Switch, and the states that are integrated only while it is on.
     tables : tuple of str
-        Quantities that are constant within a step and change between steps, for example the state of a grid; the
-        same for every simulation of a batch, or for each its own.
+        Quantities that change between steps only, for example the state of a grid; common to all simulations, or
+        different for each.
 
     Raises
     ------
     InputError
-        If a call reads a quantity that nothing provides before it, naming the reader and the nearest
-        matches, or if a derivative is missing.
+        If a call reads a quantity that nothing provides before it, or a derivative is missing.
     """
 
     name: str

@@ -1,8 +1,8 @@
 """Elementary functions for device equations: the same source runs on NumPy arrays and compiles to vector code.
 
-Equations call these instead of ``if``, ``min`` or ``math.sin`` because a branch, or a call into the C library,
-keeps LLVM from vectorising the loop over simulations. They use only additions, multiplications, divisions, floor and
-selection, so that the scalar, the vectorised and the NumPy path agree bit for bit.
+Equations call these instead of ``if``, ``min`` or ``math.sin``, because LLVM cannot vectorise branches and calls into
+the C library. They use additions, multiplications, divisions, floor and selection only, so that scalar, vectorised and
+NumPy path agree bit for bit.
 """
 
 from __future__ import annotations

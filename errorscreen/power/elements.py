@@ -35,7 +35,7 @@ class Bus:
         Unique in its network.
     name : str
     kv : float
-        Nominal voltage in kV; for information, nothing is computed from it.
+        Nominal voltage in kV, for information only.
     """
 
     number: int
@@ -163,7 +163,7 @@ class Generator:
     q : float
         Reactive power in pu where `v` is not given.
     q_min, q_max : float
-        Limits in pu, observed only by a load flow that is told to.
+        Limits in pu, see `solve_load_flow`.
     name : str
     """
 

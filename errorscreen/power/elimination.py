@@ -1,9 +1,9 @@
-r"""Closed-form solution of a reduced grid with a machine and converters: no algebraic loop is left in a step.
+r"""Closed-form solution of a reduced grid with a machine and converters, without an algebraic loop.
 
-With the admittances of the fixed machines inside :math:`Z` (see `errorscreen.power.reduction`), all voltages follow
-from the currents that the fixed machines and current-controlled converters know from their states (:math:`J_k`), and
-from those of at most one converter behind a reactance (w) and one machine with different reactances in its two axes
-(m), which depend on the voltage:
+:math:`Z` holds the admittances of the fixed machines (see `errorscreen.power.reduction`). There are two kinds of
+currents: those of fixed machines and current-controlled converters follow from states (:math:`J_k`). Those of at most
+one converter behind a reactance (w), and of one machine with different reactances in its axes (m), depend on the
+voltage:
 
 .. math::
 
@@ -17,8 +17,8 @@ from those of at most one converter behind a reactance (w) and one machine with 
 
 s is the rating of a unit over the base of the grid. (G5) is (M5), (M6) of the machine with the voltage source E and the
 impedance R + jX of the rest of the grid in its stator: a complex factor commutes with the rotation into the rotor's
-frame. Where there is no such converter, E is :math:`V_m^0` and R + jX is :math:`Z_{mm}`; where there is no such
-machine, :math:`I_w` is :math:`I_w^0`. The same holds for a single unit on a voltage :math:`V^0` behind an impedance Z.
+frame. Without such a converter, E is :math:`V_m^0` and R + jX is :math:`Z_{mm}`; without such a machine, :math:`I_w` is
+:math:`I_w^0`. The same holds for a single unit on a voltage :math:`V^0` behind an impedance Z.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def add_seven(
 
 
 def copy(ar: Any, ai: Any) -> Any:
-    """No term more: what there is stays as it is."""
+    """No term more."""
     return ar, ai
 
 

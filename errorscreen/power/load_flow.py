@@ -37,11 +37,11 @@ class LoadFlow:
     network : Network
     voltage : ndarray of shape (n_buses,), complex
     mismatch : float
-        Largest difference in P or Q between what is injected and what the grid takes.
+        Largest difference in P or Q between injection and grid.
     iterations : int
-        Newton steps, of all rounds together.
+        Newton steps of all rounds.
     at_limit : tuple of int
-        Buses whose generator is held at a reactive limit; empty unless limits were observed.
+        Buses whose generator is at a reactive limit; empty unless limits were observed.
     """
 
     network: Network
@@ -62,12 +62,12 @@ class LoadFlow:
 
     @property
     def injection(self) -> NDArray[np.complex128]:
-        """Power that generators and loads together bring into the grid at each bus, (F1), shape (n_buses,)."""
+        """Net power into the grid at each bus, (F1), shape (n_buses,)."""
         return self.voltage * (self.network.admittance() @ self.voltage).conj()
 
     @property
     def generation(self) -> dict[int, complex]:
-        """Power of each generator by bus: what the grid takes and the loads there draw."""
+        """Power of each generator by bus: power into the grid plus the loads there."""
         total = self.injection + self.network.demand()
         return {g.bus: complex(total[self.network.index(g.bus)]) for g in self.network.generators}
 
@@ -85,18 +85,19 @@ def solve_load_flow(
 ) -> LoadFlow:
     """Solve for the voltages at which every bus balances.
 
-    Loads draw constant power here. Reactive limits of generators are **not** observed by default: a generator that
-    holds a voltage delivers whatever that needs. With ``reactive_limits=True`` a generator beyond a limit delivers the
-    limit instead, and holds its voltage again where it can; the slack generator has none.
+    Loads draw constant power. Reactive limits of generators are **not** observed by default: a generator that holds a
+    voltage delivers the reactive power for it.
 
     Parameters
     ----------
     network : Network
         Its slack bus must have a generator that holds a voltage.
     start : array-like of shape (n_buses,), complex, optional
-        Voltages to start from; flat (1 pu, or the held magnitude, at angle 0) where not given. The magnitudes
-        of held voltages and the angle of the slack bus are taken from the network in any case.
+        Initial voltages; flat (1 pu, or the held magnitude, at angle 0) where not given. Held magnitudes and the angle
+        of the slack bus always come from the network.
     reactive_limits : bool
+        A generator beyond a limit delivers the limit, and holds its voltage again where it can; the slack generator has
+        no limits.
 
     Returns
     -------
@@ -105,7 +106,7 @@ def solve_load_flow(
     Raises
     ------
     InputError
-        If there is no solution near the start, naming the bus with the worst mismatch; or a bolted fault.
+        If there is no solution near the start, with the bus of the worst mismatch; or at a bolted fault.
 
     Examples
     --------
@@ -143,7 +144,7 @@ def solve_load_flow(
 
 
 def _start(network: Network, start: ArrayLike | None) -> NDArray[np.complex128]:
-    """Starting voltages with the held magnitudes and the angle reference in place."""
+    """Initial voltages with the held magnitudes and the reference angle."""
     slack = {g.bus: g for g in network.generators}.get(network.slack)
     if slack is None or slack.v is None:
         raise InputError(
@@ -167,7 +168,7 @@ def _start(network: Network, start: ArrayLike | None) -> NDArray[np.complex128]:
 
 
 def _newton(network: Network, V: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], float, int]:
-    """Newton steps until the largest mismatch is below the tolerance: voltages, mismatch, number of steps."""
+    """Voltages, mismatch and number of steps of Newton's method."""
     Y = network.admittance()
     slack = network.index(network.slack)
     held = {network.index(g.bus) for g in network.generators if g.v is not None} | {slack}
@@ -206,7 +207,7 @@ def _jacobian(
     angles: NDArray[np.int64],
     magnitudes: NDArray[np.int64],
 ) -> NDArray[np.float64]:
-    """Derivatives of P at `angles` and Q at `magnitudes` with respect to these angles and magnitudes."""
+    """Derivatives of P at `angles` and Q at `magnitudes` by these angles and magnitudes."""
     unit, current = V / np.abs(V), Y @ V
     dS_angle = 1j * V[:, None] * (np.diag(current) - Y * V).conj()  # (F2)
     dS_magnitude = V[:, None] * (Y * unit).conj() + np.diag(current.conj() * unit)  # (F3)
@@ -225,7 +226,7 @@ def _not_solved(
     magnitudes: NDArray[np.int64],
     iterations: int,
 ) -> InputError:
-    """What to say when Newton's method fails: the bus with the worst mismatch of the step that came closest."""
+    """Error with the bus of the worst mismatch in the best step."""
     size = np.zeros(len(error))
     size[angles] = np.abs(error[angles].real)
     size[magnitudes] = np.maximum(size[magnitudes], np.abs(error[magnitudes].imag))
@@ -239,15 +240,14 @@ def _not_solved(
 
 
 def _switched(original: Network, limited: Network, flow: LoadFlow) -> Network:
-    """Next guess of which generators are at a limit."""
-    generators = []
-    for wanted, g in zip(original.generators, limited.generators, strict=True):
-        generators.append(_at_limit(wanted, g, flow) if wanted.bus != original.slack else wanted)
-    return replace(original, generators=tuple(generators))
+    """Network with the next guess of the generators at a limit."""
+    pairs = zip(original.generators, limited.generators, strict=True)
+    found = (w if w.bus == original.slack else _at_limit(w, g, flow) for w, g in pairs)
+    return replace(original, generators=tuple(found))
 
 
 def _at_limit(wanted: Generator, g: Generator, flow: LoadFlow) -> Generator:
-    """One generator of the next guess: at the limit it exceeds, or holding its voltage again."""
+    """Generator of the next guess: at the limit that it exceeds, or with its voltage again."""
     if wanted.v is None or (g.v is None and wanted.q_min == wanted.q_max):
         return g
     if g.v is not None:
@@ -256,6 +256,6 @@ def _at_limit(wanted: Generator, g: Generator, flow: LoadFlow) -> Generator:
             return wanted
         return replace(wanted, v=None, q=wanted.q_max if q > wanted.q_max else wanted.q_min)
     magnitude = flow.magnitude[flow.network.index(g.bus)]
-    # at the upper limit the voltage sags; where it does not, the generator can hold it again
+    # at the upper limit the voltage sags; else the generator can hold it again
     recovered = magnitude > wanted.v if g.q == wanted.q_max else magnitude < wanted.v
     return wanted if recovered else g

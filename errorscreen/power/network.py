@@ -1,13 +1,12 @@
 r"""A grid in the steady state of its frequency, and its admittance matrix.
 
-Everything is in per unit of one system base. The matrix is assembled from the branches (N1), which
-`errorscreen.power.elements` describes, and the shunts. A load that is a constant impedance adds
+Everything is in per unit of one system base. Branches (N1, see `errorscreen.power.elements`) and shunts make up the
+matrix. A load with constant impedance adds
 
 .. math:: y_L = (P_L - jQ_L) / |V_0|^2                                                            & (N2)
 
-with the voltage :math:`V_0` at which it draws :math:`P_L, Q_L`.
-
-Networks are immutable: a fault, a tripped line or a changed load gives another network.
+with the voltage :math:`V_0` at which it draws :math:`P_L, Q_L`. Networks are immutable: a fault, a tripped line or a
+changed load gives another network.
 """
 
 from __future__ import annotations
@@ -26,8 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from errorscreen.exceptions import InputError, check_real, unknown_name
 from errorscreen.power.elements import Branch, Bus, Generator, Load, Shunt
 
-#: share of a branch below which the admittance matrix is assembled anew: what is left of it would be a difference of
-#: large numbers
+#: share of a branch below which the admittance matrix is assembled anew, to avoid a difference of large numbers
 _SMALL_SHARE = 1e-4
 
 
@@ -42,20 +40,19 @@ class Network:
     slack : int
         Bus whose angle is the reference and whose generator balances the power.
     loads : tuple of Load
-        Several at one bus add up.
     shunts : tuple of Shunt
-        Likewise.
+        Several loads or shunts at one bus add up.
     generators : tuple of Generator
         At most one at a bus.
     base_mva : float
     grounded : frozenset of int
-        Buses with a bolted fault: their voltage is exactly zero.
+        Buses with a bolted fault, whose voltage is exactly zero.
 
     Raises
     ------
     InputError
-        If a bus is unknown or declared twice, a branch or generator appears twice, a number is not finite, or
-        a part of the grid is not connected with the slack bus.
+        If a bus is unknown or declared twice, a branch or generator appears twice, a number is not finite, or a bus is
+        not connected with the slack bus.
 
     Examples
     --------
@@ -99,7 +96,7 @@ class Network:
         self._check_connected()
 
     def index(self, bus: int, *, where: str | None = None) -> int:
-        """Position of a bus in `buses`; an unknown one raises `InputError` with the nearest matches."""
+        """Position of a bus in `buses`; an unknown one raises `InputError`."""
         if not isinstance(bus, Real):
             raise InputError(f"the bus is {bus!r}", where=where, allowed="the number of a bus")
         if bus not in self._index:
@@ -111,18 +108,12 @@ class Network:
         return np.array([self.index(bus) for bus in listed(buses)], dtype=np.int64)
 
     def branch(self, bus: int, other: int, circuit: str | None = None) -> Branch:
-        """Branch between two buses, in either order.
-
-        Parameters
-        ----------
-        bus, other : int
-        circuit : str, optional
-            Needed where there are several.
+        """Branch between two buses, in either order; `circuit` is needed where there are several.
 
         Raises
         ------
         InputError
-            If there is none, or several and no circuit is given.
+            If there is not exactly one.
         """
         found = list(self.branches_between(bus, other))
         circuits = ", ".join(b.circuit for b in found)
@@ -140,18 +131,18 @@ class Network:
         return found[0]
 
     def branches_between(self, bus: int, other: int) -> tuple[Branch, ...]:
-        """All branches between two buses, also those out of service; an unknown bus raises `InputError`."""
+        """All branches between two buses, with those out of service; an unknown bus raises `InputError`."""
         self.index(bus), self.index(other)
         return tuple(self.branches[k] for k in self._positions.get(frozenset((bus, other)), ()))
 
     def with_line_out(self, bus: int, other: int, circuit: str | None = None) -> Network:
-        """Open the branch between two buses at both ends; an island that this leaves is an `InputError`."""
+        """Open the branch between two buses at both ends; an island raises `InputError`."""
         out = self.branch(bus, other, circuit)
         branches = (replace(b, in_service=False) if b is out else b for b in self.branches)
         return replace(self, branches=tuple(branches))
 
     def with_branch_share(self, bus: int, other: int, share: float, circuit: str | None = None) -> Network:
-        """Leave only a share of a branch's admittance in service; with 0 it is open, see `with_line_out`."""
+        """Keep a share of a branch's admittance in service; 0 opens it, see `with_line_out`."""
         check_real(share, "the share of a branch", low=0, where="with_branch_share")
         if share == 0:
             return self.with_line_out(bus, other, circuit)
@@ -166,7 +157,7 @@ class Network:
         return self._changed((([i, i, k, k], [i, k, i, k]), change), branches=branches)
 
     def with_fault(self, bus: int, impedance: complex = 0.0) -> Network:
-        """Connect a bus to ground through a symmetrical fault impedance in pu; 0 is a bolted fault, held exactly."""
+        """Connect a bus to ground through a symmetrical fault impedance in pu; 0 is an exact bolted fault."""
         self.index(bus)
         if not (isinstance(impedance, Complex) and cmath.isfinite(impedance)):
             raise InputError(f"the fault impedance is {impedance!r}", allowed="a finite number in pu")
@@ -176,15 +167,9 @@ class Network:
         return self._changed(((at, at), y), shunts=(*self.shunts, Shunt(bus, y.real, y.imag)))
 
     def _changed(self, change: tuple[Any, Any] | None = None, **elements: Any) -> Network:
-        """Grid with other elements at the same buses and the same connections, which need not be checked again.
+        """Grid with other branches, shunts or bolted faults, and the same connections, which are not checked again.
 
-        Parameters
-        ----------
-        change : (index, array), optional
-            What the elements add to which entries of the admittance matrix: a search tries thousands of fault
-            impedances, and the rest of the matrix stays.
-        **elements
-            Branches, shunts or buses with a bolted fault; not loads.
+        `change` (index, array) adds to entries of the admittance matrix, because a search tries thousands of faults.
         """
         other = copy.copy(self)
         if change is not None:
@@ -213,10 +198,7 @@ class Network:
         return replace(self, loads=tuple(scaled))
 
     def with_generation_scaled(self, factor: float, buses: Iterable[int] | None = None) -> Network:
-        """Multiply the active power of the generators at some buses, or of all, by a factor.
-
-        Together with `with_load_scaled` it gives another load level; the slack generator balances the rest.
-        """
+        """Multiply the active power of the generators at some buses, or of all, by a factor."""
         check_real(factor, "the factor", where="with_generation_scaled")
         chosen = _chosen(buses, (g.bus for g in self.generators), "with_generation_scaled")
         scaled = (replace(g, p=g.p * factor) if g.bus in chosen else g for g in self.generators)
@@ -250,14 +232,7 @@ class Network:
         return demand
 
     def voltages(self, values: ArrayLike, name: str) -> NDArray[np.complex128]:
-        """Return a copy as complex voltages, one for each bus; anything else raises `InputError`.
-
-        Parameters
-        ----------
-        values : array-like of shape (n_buses,)
-        name : str
-            For the message.
-        """
+        """Copy of `values` as complex voltages (n_buses,); anything else raises `InputError` with `name`."""
         try:
             V = np.array(values, dtype=complex)
         except (TypeError, ValueError):
@@ -270,18 +245,12 @@ class Network:
         return V
 
     def admittance(self, load_voltages: ArrayLike | None = None) -> NDArray[np.complex128]:
-        """Bus admittance matrix from (N1) and the shunts, with the loads as constant impedances if wanted.
+        """Bus admittance matrix (n_buses, n_buses) from (N1) and the shunts, without bolted faults.
 
         Parameters
         ----------
         load_voltages : array-like of shape (n_buses,), optional
-            Voltages, complex or magnitudes in pu, at which the loads draw their power, (N2); loads are left
-            out where not given.
-
-        Returns
-        -------
-        ndarray of shape (n_buses, n_buses), complex
-            Rows and columns in the order of `buses`; a bolted fault is not in it (`grounded`).
+            Voltages (complex, or magnitudes) in pu at which the loads draw their power, (N2); no loads where not given.
         """
         Y = self._branches_and_shunts.copy()
         if load_voltages is not None:
@@ -291,7 +260,7 @@ class Network:
 
     @cached_property
     def _positions(self) -> Mapping[frozenset[int], list[int]]:
-        """Where in `branches` those between two buses are."""
+        """Positions of the branches between two buses."""
         positions: dict[frozenset[int], list[int]] = {}
         for k, branch in enumerate(self.branches):
             positions.setdefault(frozenset(branch.ends), []).append(k)
@@ -299,7 +268,7 @@ class Network:
 
     @cached_property
     def _branches_and_shunts(self) -> NDArray[np.complex128]:
-        """Part of the bus admittance matrix that no voltage changes."""
+        """Bus admittance matrix without loads."""
         Y = np.zeros((len(self.buses),) * 2, dtype=complex)
         ends = np.array([[self._index[bus] for bus in branch.ends] for branch in self.branches], dtype=int)
         values = np.array([branch.admittances for branch in self.branches], dtype=complex)
@@ -338,7 +307,7 @@ def listed(buses: Iterable[int]) -> list[int]:
 
 
 def _chosen(buses: Iterable[int] | None, known: Iterable[int], where: str) -> set[int]:
-    """Buses that were named, or all that are known; one that is not known raises `InputError`."""
+    """Named buses, or all known ones; an unknown one raises `InputError`."""
     known = set(known)
     chosen = known if buses is None else set(listed(buses))
     for bus in sorted(chosen - known):

@@ -1,18 +1,14 @@
-r"""A grid seen from the terminals of its dynamic units: all other buses eliminated.
+r"""A grid reduced to the terminals of its dynamic units.
 
-With the loads as constant impedances, and the admittance of every unit that has a constant one connected, the grid is
-linear. Currents :math:`I_t` injected at the terminals then give, for one state of the grid,
+With loads as constant impedances, and the constant admittances of units connected, the grid is linear. In one state of
+the grid, currents :math:`I_t` injected at the terminals give
 
 .. math::
 
     V_t = Z_{tt} I_t,\quad V_o = Z_{ot} I_t,\quad I_f = K_{ft} I_t                                    & (R1)
 
-for the terminals, observed buses and observed branches. :math:`Z` is the inverse of the admittance matrix restricted to
-those rows and columns; a bus with a bolted fault is eliminated exactly, so its rows and columns are zero. The same
-without currents is Kron's reduction (Sauer, Pai, Chow, *Power System Dynamics and Stability*, 2nd ed. 2017, section
-7.6; Dörfler, Bullo, *Kron Reduction of Graphs with Applications to Electrical Networks*, IEEE Trans. CAS I, 2013),
-
-.. math:: Y_{red} = Y_{kk} - Y_{kr} Y_{rr}^{-1} Y_{rk}                                                 & (R2)
+for the terminals, observed buses and observed branches. :math:`Z` has rows and columns of the inverse admittance
+matrix; those of a bus with a bolted fault are zero.
 """
 
 from __future__ import annotations
@@ -29,24 +25,23 @@ from errorscreen.exceptions import InputError
 from errorscreen.power.elements import Branch
 from errorscreen.power.network import Network, listed
 
-#: how ill-conditioned all steps of an update may be together; rounding errors grow by it
+#: largest condition number of all steps of an update together; rounding errors grow by it
 _ILL_CONDITIONED = 1e9
 
 
 @dataclass(frozen=True)
 class ReducedNetwork:
-    """Linear maps from injected currents to what a simulation needs, for one state of the grid.
+    """Linear maps from injected currents to voltages and flows, for one state of the grid.
 
-    Currents have the shape (..., T), for T terminals. For several states, all arrays have one more axis, the first.
+    Currents have the shape (..., T) for T terminals. For several states the arrays have one more axis, the first.
 
     Parameters
     ----------
     terminals : tuple of int
-        Buses where currents are injected.
     observed : tuple of int
-        Buses whose voltage is observed.
+        Buses with an observed voltage.
     flows : tuple of (int, int)
-        Branches whose flow is observed, as (sending bus, receiving bus).
+        Branches with an observed flow, as (sending bus, receiving bus).
     impedance : ndarray of shape (T, T), complex
         :math:`Z_{tt}` of (R1).
     transfer : ndarray of shape (O, T), complex
@@ -72,42 +67,37 @@ class ReducedNetwork:
         return (currents @ voltages) * (currents @ arriving).conj()
 
 
-def reduce_network(
-    network: Network,
-    terminals: Iterable[int],
-    *,
-    load_voltages: ArrayLike,
-    observed: Iterable[int] = (),
-    flows: Iterable[tuple[int, int]] = (),
-    admittances: Mapping[int, complex] | None = None,
-) -> ReducedNetwork:
-    """Eliminate everything but the terminals of the units.
+class Reducer:
+    r"""Eliminates the same buses in many states of one grid.
+
+    States differ little: a fault, a branch or a load changes a few entries D of the admittance matrix, at the buses s.
+    With the inverse Z of the matrix before, the voltages for unit currents at the terminals are
+
+    .. math:: V' = V - Z_{:s} (1 + D Z_{ss})^{-1} D V_s                                                  & (R2)
+
+    (Woodbury's identity; Hager, *Updating the Inverse of a Matrix*, SIAM Review, 1989), and likewise for a bolted
+    fault, whose voltage is zero. A state is reduced anew where a quarter of the buses changes, or where rounding errors
+    would be large.
 
     Parameters
     ----------
     network : Network
-        One state of the grid: before, during or after a disturbance.
+        The state that is close to the others.
     terminals : iterable of int
     load_voltages : array-like of shape (n_buses,)
-        Voltages of the load flow **before** the disturbance, at which the loads draw their power; in every later state
-        a load keeps its impedance.
+        Voltages of the load flow **before** the disturbance, which fix the impedances of the loads in all states.
     observed : iterable of int
         Buses whose voltage is wanted.
     flows : iterable of (int, int)
-        Branches whose flow is wanted: ``(25, 2)`` is what arrives at bus 2 over the branch from bus 25, over all of
-        them where there are several. One that is out of service carries nothing.
+        Branches whose flow is wanted: ``(25, 2)`` is the power that arrives at bus 2 over all branches from bus 25.
     admittances : mapping of int to complex, optional
-        By bus, constant internal admittance of a unit in pu, for example :math:`1/(R_a + jX'_d)` of a classical
+        Constant internal admittance of a unit in pu, by bus, for example :math:`1/(R_a + jX'_d)` of a classical
         machine; its injected current is then the Norton current :math:`E'/(R_a + jX'_d)`.
-
-    Returns
-    -------
-    ReducedNetwork
 
     Raises
     ------
     InputError
-        If a bus or branch is unknown, or the grid without sources has no unique solution.
+        If a bus or branch is unknown.
 
     Examples
     --------
@@ -115,52 +105,10 @@ def reduce_network(
 
     >>> from errorscreen.power.elements import Branch, Bus, Load
     >>> grid = Network((Bus(1), Bus(2)), (Branch(1, 2, 0.0, 0.1),), slack=1, loads=(Load(2, 1.0),))
-    >>> reduced = reduce_network(grid, [1], load_voltages=[1.0, 1.0], observed=[2], flows=[(1, 2)])
+    >>> reducer = Reducer(grid, [1], load_voltages=[1.0, 1.0], observed=[2], flows=[(1, 2)])
+    >>> reduced = reducer.anew(grid)
     >>> reduced.impedance.round(12), reduced.arriving_power([0.5]).round(12)
     (array([[1.+0.1j]]), array([0.25+0.j]))
-    >>> during = reduce_network(grid.with_fault(2), [1], load_voltages=[1.0, 1.0], observed=[2])
-    >>> during.impedance.round(12), during.transfer
-    (array([[0.+0.1j]]), array([[0.+0.j]]))
-    """
-    return Reducer(
-        network,
-        terminals,
-        load_voltages=load_voltages,
-        observed=observed,
-        flows=flows,
-        admittances=admittances,
-    ).anew(network)
-
-
-class Reducer:
-    r"""Eliminates the same buses in many states of one grid.
-
-    States differ little: a fault, a branch or a load changes a few entries D of the admittance matrix, in the rows and
-    columns of the buses s. From the inverse Z of the matrix before, the voltages for unit currents at the terminals are
-
-    .. math:: V' = V - Z_{:s} (1 + D Z_{ss})^{-1} D V_s                                                  & (R3)
-
-    (Woodbury's identity; Hager, *Updating the Inverse of a Matrix*, SIAM Review, 1989), and likewise for a bolted
-    fault, whose voltage is zero. States in which a quarter of the buses changes, or where differences of large numbers
-    are left by this, are reduced anew.
-
-    Parameters
-    ----------
-    network : Network
-        The state that others are near to.
-    terminals, load_voltages, observed, flows, admittances
-        See `reduce_network`.
-
-    Raises
-    ------
-    InputError
-        As `reduce_network` does.
-
-    Examples
-    --------
-    >>> from errorscreen.power.elements import Branch, Bus, Load
-    >>> grid = Network((Bus(1), Bus(2)), (Branch(1, 2, 0.0, 0.1),), slack=1, loads=(Load(2, 1.0),))
-    >>> reducer = Reducer(grid, [1], load_voltages=[1.0, 1.0])
     >>> reducer([grid, grid.with_fault(2, 0.1j)]).impedance.round(4)
     array([[[1.    +0.1j  ]],
     <BLANKLINE>
@@ -193,22 +141,9 @@ class Reducer:
                 raise InputError(f"no branch connects the buses {sending} and {receiving}", where="flows")
 
     def __call__(self, networks: Sequence[Network]) -> ReducedNetwork:
-        """Reduce several states of the grid from that before, by (R3) where little differs.
+        """Reduce several states of the grid, by (R2) where little differs; other buses raise `InputError`.
 
-        Parameters
-        ----------
-        networks : sequence of Network
-            One or more, with the same buses in the same order.
-
-        Returns
-        -------
-        ReducedNetwork
-            Its arrays have one more axis, the first, for the states; NaN for one without a unique solution.
-
-        Raises
-        ------
-        InputError
-            If one has other buses.
+        The arrays have one more axis, the first, for the states; NaN for a state without a unique solution.
         """
         for network in networks:
             if network.buses != self.network.buses:
@@ -231,7 +166,7 @@ class Reducer:
         return self._reduced(networks, V)
 
     def anew(self, network: Network) -> ReducedNetwork:
-        """Reduce one state of the grid without that before."""
+        """Reduce one state of the grid without (R2); one without a unique solution raises `InputError`."""
         found = self._reduced([network], self._solved(network)[None])
         arrays = (found.impedance, found.transfer, found.flow_currents, found.flow_voltages)
         return ReducedNetwork(self.terminals, self.observed, self.flows, *(values[0] for values in arrays))
@@ -240,12 +175,12 @@ class Reducer:
         return network.indices(sorted(network.grounded))
 
     def _solved(self, network: Network) -> NDArray[np.complex128]:
-        """Voltages of all buses for 1 pu at each terminal in turn, from the whole matrix."""
+        """Voltages of all buses for 1 pu at each terminal, from the whole matrix."""
         return _unit_responses(self._admittances([network])[0], self._at, self._grounded(network))
 
     @cached_property
     def _before(self) -> tuple[NDArray[np.complex128], NDArray[np.complex128], float]:
-        """Admittance matrix before, without bolted faults, its inverse, and its condition number."""
+        """Admittance matrix without bolted faults, its inverse, and its condition number."""
         Y = self._admittances([self.network])[0]
         try:
             Z = _solve(Y, np.eye(len(Y), dtype=complex))
@@ -267,7 +202,7 @@ class Reducer:
         s: NDArray[np.int64],
         grounded: NDArray[np.int64],
     ) -> tuple[NDArray[np.complex128], NDArray[np.bool_]]:
-        """Voltages of all buses in states that change the same buses, by (R3), and where they are accurate."""
+        """Voltages of all buses in states with the same changed buses, by (R2), and which states are accurate."""
         n, T = len(D), len(self._at)
         if 4 * (len(s) + len(grounded)) > len(Z):
             return np.zeros((n, len(Z), T), dtype=complex), np.zeros(n, dtype=bool)
@@ -282,7 +217,7 @@ class Reducer:
             left[~well] = np.eye(len(s))
             V -= Z[:, s] @ np.linalg.solve(left, D @ V_s)
         if len(grounded):
-            # a bolted fault has whatever current keeps its voltage at zero
+            # the current of a bolted fault keeps its voltage at zero
             own, left = V[..., T:], V[:, grounded, T:]
             well &= self._accurate(left, np.linalg.norm(own, 1, axis=(-2, -1)))
             left[~well] = np.eye(len(grounded))
@@ -291,13 +226,13 @@ class Reducer:
         return V, well
 
     def _accurate(self, left: NDArray[np.complex128], size: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Whether errors stay small: `size` is that of what may cancel in matrices (n, k, k) which are inverted."""
+        """Whether rounding errors stay small; `size` is that of terms that may cancel in matrices (n, k, k)."""
         with np.errstate(all="ignore"):
             inverse = np.linalg.cond(left, 1) / np.linalg.norm(left, 1, axis=(-2, -1))
             return np.asarray(self._before[2] * size * inverse < _ILL_CONDITIONED)
 
     def _reduced(self, networks: Sequence[Network], V: NDArray[np.complex128]) -> ReducedNetwork:
-        """What is asked for, from the voltages of all buses for 1 pu at each terminal in turn."""
+        """Reduced states from the voltages of all buses for 1 pu at each terminal."""
         arriving = np.zeros((len(networks), len(self.flows), len(self._at)), dtype=complex)
         for f, ends in enumerate(self.flows):
             seen: dict[tuple[Branch, ...], tuple[complex, complex]] = {}
@@ -321,49 +256,10 @@ class Reducer:
         )
 
 
-def kron_reduction(Y: ArrayLike, keep: Iterable[int]) -> NDArray[np.complex128]:
-    r"""Admittance matrix of the kept nodes after all others, which carry no source, are eliminated, (R2).
-
-    Parameters
-    ----------
-    Y : array-like of shape (n, n), complex
-    keep : iterable of int
-        Positions of the kept nodes, in the order wanted.
-
-    Returns
-    -------
-    ndarray of shape (n_kept, n_kept), complex
-
-    Raises
-    ------
-    InputError
-        If a position is outside the matrix, or appears twice, or the eliminated part is singular.
-
-    Examples
-    --------
-    Two reactances of 0.1 pu in series:
-
-    >>> Y = [[-10j, 10j, 0], [10j, -20j, 10j], [0, 10j, -10j]]
-    >>> kron_reduction(Y, [0, 2]).imag
-    array([[-5.,  5.],
-           [ 5., -5.]])
-    """
-    Y = np.asarray(Y, dtype=complex)
-    k = np.array(list(keep), dtype=np.int64)
-    if Y.ndim != 2 or Y.shape[0] != Y.shape[1]:
-        raise InputError(f"the admittance matrix has shape {Y.shape}", allowed="a square matrix")
-    if len(set(k.tolist())) != len(k) or not np.all((k >= 0) & (k < len(Y))):
-        raise InputError(
-            f"the kept positions are {k.tolist()}", allowed=f"different integers from 0 to {len(Y) - 1}"
-        )
-    r = np.setdiff1d(np.arange(len(Y)), k)
-    return Y[np.ix_(k, k)] - Y[np.ix_(k, r)] @ _solve(Y[np.ix_(r, r)], Y[np.ix_(r, k)])
-
-
 def _unit_responses(
     Y: NDArray[np.complex128], terminals: NDArray[np.int64], grounded: NDArray[np.int64]
 ) -> NDArray[np.complex128]:
-    """Voltages of all buses for 1 pu at each terminal in turn, shape (n_buses, n_terminals)."""
+    """Voltages of all buses for 1 pu at each terminal, shape (n_buses, n_terminals)."""
     V = np.zeros((len(Y), len(terminals)), dtype=complex)
     free = np.delete(np.arange(len(Y)), grounded)
     units = (free[:, None] == terminals).astype(complex)
@@ -382,12 +278,12 @@ def _into(branches: Iterable[Branch], sending: int, receiving: int) -> tuple[com
 
 
 def _solve(Y: NDArray[np.complex128], right: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Solve, and refuse a matrix that is singular to working precision whatever the size of its rows."""
+    """Solve after scaling the rows; a matrix that is singular to working precision raises `InputError`."""
     if not len(Y):
         return right
     scale = np.abs(Y).max(axis=1, keepdims=True)
     lu, pivots, _ = zgetrf(Y / np.where(scale > 0, scale, 1.0))
-    # an estimate of the reciprocal condition number in the 1-norm, from the factors that solve as well
+    # estimate of the reciprocal condition number in the 1-norm, from the factors of the solution
     if not (np.all(scale > 0) and zgecon(lu, np.linalg.norm(Y / scale, 1))[0] > np.finfo(float).eps):
         raise InputError(
             "the admittance matrix is singular: nothing fixes the voltage of an eliminated part",

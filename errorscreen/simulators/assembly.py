@@ -1,4 +1,4 @@
-"""Joins a device and the effects of the library to one model for the engine."""
+"""Assembles a device and its effects to one model for the engine."""
 
 from __future__ import annotations
 
@@ -10,49 +10,30 @@ from numpy.typing import NDArray
 
 from errorscreen.effects.base import Effect, Values
 from errorscreen.engine.stages import Call, Equations, Model, reads_of, stage, writes_of
+from errorscreen.events import Event
 from errorscreen.exceptions import unknown_name
 from errorscreen.models.device import Device
 from errorscreen.power import elimination
 
-#: states at the start, constants, rows with an equilibrium, all values by name, step, and steps a sample
+#: initial states, constants, rows with an equilibrium, all values by name, step, and steps between samples
 Prepared = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_], Values, float, int]
-#: kinds of effects that are compiled into a model
-INSIDE = ("mechanism", "latent")
 #: resistance and reactance between a device and the voltage that drives it
 _IMPEDANCE = ("R_grid", "X_grid")
 
 
 @stage("channel")
 def channel(signal: Any) -> Any:
-    """Perfect measurement: what is recorded, before measurement effects, is the signal itself."""
+    """Perfect measurement: measurement effects act later."""
     return (signal,)
 
 
 def assemble(device: Device, effects: Iterable[Effect], behind_impedance: bool = False) -> Model:
     """Model of a device at a terminal, with every effect compiled in and switched by its strength.
 
-    Effects on the same port act one after the other in the order given, directly behind the equations that write
-    the port.
-
-    Parameters
-    ----------
-    device : Device
-    effects : iterable of Effect
-        Those that act inside the device; measurements are not compiled, see `measured`.
-    behind_impedance : bool
-        The inputs ``Er``, ``Ei`` are a voltage behind the impedance ``R_grid`` + j ``X_grid``, and not that of the
-        terminal: (G1) to (G5) of `errorscreen.power.elimination` for a single unit.
-
-    Returns
-    -------
-    Model
-        Its constants are the candidates, constants and set-points of the device, then the parameters and derived
-        constants of each effect, prefixed by the effect's name; its outputs are the measured channels.
-
-    Raises
-    ------
-    InputError
-        If an effect acts on a port, or reads a quantity, that the device does not have.
+    Effects on the same port act in the order given, directly behind the equations that write the port. Measurement
+    effects are not compiled, see `measured`. With `behind_impedance` the inputs ``Er``, ``Ei`` are the voltage behind
+    ``R_grid`` + j ``X_grid`` instead of the terminal voltage: (G1) to (G5) of `errorscreen.power.elimination` for a
+    single unit. An effect on a port, or with a quantity, that the device does not have raises `InputError`.
     """
     effects = check_ports(device, effects)
     inputs, own, states = device.inputs, device.stages, device.states
@@ -108,14 +89,19 @@ def _behind_impedance(device: Device) -> tuple[Call, ...]:
 
 
 def check_ports(device: Device, effects: Iterable[Effect]) -> tuple[Effect, ...]:
-    """Effects that act inside a device; a port that it does not have raises `InputError`."""
-    inside = tuple(effect for effect in effects if effect.kind in INSIDE)
-    for effect in inside:
+    """Effects inside a device; an unknown port raises `InputError`."""
+    found = inside(effects)
+    for effect in found:
         for port in (effect.port, *effect.beside):
             if port not in device.ports:
                 where = f"effect {effect.name!r} on device {device.name!r}"
                 raise unknown_name(port, device.ports, kind="port", where=where)
-    return inside
+    return found
+
+
+def inside(effects: Iterable[Effect]) -> tuple[Effect, ...]:
+    """Effects that are compiled into a model."""
+    return tuple(effect for effect in effects if effect.kind in ("mechanism", "latent"))
 
 
 def effect_call(effect: Effect, qualify: Callable[[str], str] = lambda name: name) -> Call:
@@ -146,7 +132,7 @@ def gates(effects: Iterable[Effect]) -> tuple[tuple[str, tuple[str, ...]], ...]:
 
 
 def switched_off(effects: Iterable[Effect]) -> Values:
-    """All quantities of effects that are compiled in but off, the same in all simulations, each of shape ()."""
+    """Quantities of effects that are compiled in but off, each of shape ()."""
     values = {e.local(n): np.array(0.0) for e in effects for n in (*e.derived, *e.states)}
     values |= {e.local(p.name): np.array(p.nominal) for e in effects for p in e.parameters}
     return values | {e.local(e.strength.name): np.array(0.0) for e in effects}
@@ -155,16 +141,9 @@ def switched_off(effects: Iterable[Effect]) -> Values:
 def starting(
     model: Model, values: Values, feasible: NDArray[np.bool_], n: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    """States at the start (n, n_states), constants (n, n_constants), and rows that can start.
+    """Initial states (n, n_states), constants (n, n_constants), and rows that can start.
 
-    Parameters
-    ----------
-    model : Model
-    values : mapping of str to ndarray of shape (n,) or ()
-        All quantities by name.
-    feasible : ndarray of shape (n,) or (), bool
-        Where there is an equilibrium.
-    n : int
+    All quantities are given by name with shape (n,) or (); `feasible` marks rows with an equilibrium.
     """
     x0, constants = (
         _columns([values[name] for name in names], n) for names in (model.states, model.constants)
@@ -173,7 +152,6 @@ def starting(
 
 
 def _columns(values: Sequence[NDArray[np.float64]], n: int) -> NDArray[np.float64]:
-    """Side by side (n, m), of which most are the same in all rows."""
     arrays = [np.asarray(value) for value in values]
     out = np.empty((n, len(arrays)))
     out[:] = [0.0 if value.ndim else value.item() for value in arrays]
@@ -186,18 +164,10 @@ def _columns(values: Sequence[NDArray[np.float64]], n: int) -> NDArray[np.float6
 def start_effects(
     effects: Iterable[Effect], values: Values, own: Callable[[Effect], Values], h: float
 ) -> Values:
-    """States and derived constants at the beginning of effects that are on in some simulation, by name in the model.
+    """Initial states and derived constants, by name in the model, of effects that are on in some simulation.
 
-    Parameters
-    ----------
-    effects : iterable of Effect
-        Of those that are off in all simulations nothing is evaluated, see `switched_off`.
-    values : mapping of str to ndarray of shape (n,) or ()
-        Parameters of the effects by their name in the model.
-    own : callable
-        Quantities of the device that an effect belongs to, at its equilibrium.
-    h : float
-        Step of the integration in seconds.
+    `values` holds the effects' parameters by their name in the model, (n,) or (); `own` gives the quantities of an
+    effect's device at its equilibrium; h is the step in seconds.
     """
     start: Values = {}
     for effect in effects:
@@ -210,21 +180,26 @@ def start_effects(
     return start
 
 
+def step_of(event: Event, longest: float) -> tuple[float, int]:
+    """Step h in seconds, and steps between two instants of an event, of which h is a part."""
+    every = max(1, int(np.ceil(event.dt / longest - 1e-9)))
+    return event.dt / every, every
+
+
+def drop_implausible(out: NDArray[np.float64], most: float) -> NDArray[np.bool_]:
+    """Set rows (n, R, L) that are not finite or leave the range ±`most` to NaN; return which rows stay, (n,)."""
+    with np.errstate(invalid="ignore"):
+        well = (out.max(axis=(1, 2)) < most) & (out.min(axis=(1, 2)) > -most)
+    out[~well] = np.nan
+    return np.asarray(well)
+
+
 def measured(
     out: NDArray[np.float64], channels: tuple[str, ...], effects: Iterable[Effect], values: Values, h: float
 ) -> NDArray[np.float64]:
-    """Channels as they are measured: measurement effects in the order given.
+    """Simulated channels (n, R, L), with the step h in seconds, after measurement effects in the order given.
 
-    Parameters
-    ----------
-    out : ndarray of shape (n, R, L)
-        Simulated channels with the step `h`.
-    channels : tuple of str
-    effects : iterable of Effect
-    values : mapping of str to ndarray of shape (n,)
-        Parameters of the effects by their name in the model.
-    h : float
-        Seconds.
+    `values` holds the parameters of the effects (n,) by their name in the model.
     """
     out = out.copy()
     for effect in effects:

@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,9 +18,13 @@ from errorscreen.events import Event
 from errorscreen.exceptions import InputError, SimulationError, unknown_name
 from errorscreen.parameters import ParameterSpace
 
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
 
 class Status(IntEnum):
-    """How one simulation of a batch ended."""
+    """How a simulation ended."""
 
     OK = 0
     DIVERGED = 1
@@ -34,14 +38,14 @@ REMEDIES = {
     "bounds, or check the units of the recording",
     Status.NO_EQUILIBRIUM: "no steady state exists for the recorded pre-event values: check the sign and base "
     "of P and Q, or the limits of the device",
-    Status.FAILED: "the program raised an error, or returned values that are not finite, or branches that were opened "
-    "left an island: call it with these parameters by itself, and narrow the bounds where it does not work",
+    Status.FAILED: "the program raised an error or returned values that are not finite, or open branches left an "
+    "island: call it with these parameters by itself, and narrow the bounds where it does not work",
 }
 
 
 @dataclass(frozen=True)
 class Responses:
-    """Responses of a batch of simulations; failures are data.
+    """Responses of a batch of simulations. A failure is data: it has a status and NaN.
 
     Parameters
     ----------
@@ -54,7 +58,7 @@ class Responses:
     channels : tuple of str
         Names of the R channels.
     detail : str
-        What is known about the first failure beside its status.
+        Reason of the first failure, where one is known.
     """
 
     values: NDArray[np.float64]
@@ -65,11 +69,40 @@ class Responses:
 
     @property
     def ok(self) -> NDArray[np.bool_]:
-        """True for rows that ended well, shape (n,)."""
+        """Rows that ended well, shape (n,), bool."""
         return self.status == Status.OK
 
+    def __repr__(self) -> str:
+        n, _, length = self.values.shape
+        return f"Responses({n} rows, {int(self.ok.sum())} ok, {', '.join(self.channels):.100}, {length} instants)"
+
+    def to_frame(self) -> pd.DataFrame:
+        """Responses with a row for each simulation and instant, and a column for each channel."""
+        import pandas as pd
+
+        n, _, length = self.values.shape
+        index = pd.MultiIndex.from_product([range(n), self.time], names=["row", "time"])
+        values = self.values.transpose(0, 2, 1).reshape(n * length, -1)
+        return pd.DataFrame(values, index=index, columns=list(self.channels))
+
+    def plot(self) -> Figure:
+        """Figure with a panel for each channel and a line for each row."""
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(7.0, 1.0 + 1.5 * len(self.channels)), layout="constrained")
+        panels = figure.subplots(len(self.channels), 1, sharex=True, squeeze=False)[:, 0]
+        for axes, name, rows in zip(panels, self.channels, self.values.swapaxes(0, 1), strict=True):
+            axes.plot(self.time, rows.T, lw=1.0)
+            axes.set_ylabel(name)
+        panels[-1].set_xlabel("Time in s")
+        return figure
+
+    def summary(self) -> str:
+        """Numbers of simulations and failures, with the remedy of each failure."""
+        return f"{int(self.ok.sum())} of {len(self.status)} simulations ended well. {self.failures()}".strip()
+
     def failures(self) -> str:
-        """Count failed rows with their remedy; empty if there are none."""
+        """Number of failed rows for each reason, with the remedy; empty if there are none."""
         parts = []
         for status in Status:
             count = int(np.sum(self.status == status))
@@ -85,22 +118,22 @@ class Responses:
 
 
 class Simulator(ABC):
-    """An immutable model that turns parameters and an event into responses.
+    """Abstract base: an immutable model that turns parameters and an event into responses.
 
     Attributes
     ----------
     parameters : ParameterSpace
-        The m candidate parameters; everything else keeps its value.
+        The m candidate parameters.
     channels : tuple of str
         Names of the R observed channels.
     units : tuple of str
         Their units.
     effects : tuple of Effect
-        Effects that could be added with `extend`.
+        The library: effects that `extend` can add.
     extensions : tuple of Effect
-        Those that have been added.
+        Added effects.
     event : Event
-        The event that `simulate` uses where none is given.
+        Default event of `simulate`.
     """
 
     parameters: ParameterSpace
@@ -110,32 +143,42 @@ class Simulator(ABC):
     extensions: tuple[Effect, ...] = ()
     event: Event
 
+    def _short(self, model: str) -> str:
+        """Text for `repr`: the model, its effects and the number of its parameters, in less than 200 characters."""
+        names = " + ".join([model, *(effect.name for effect in self.extensions)])
+        names = names if len(names) < 140 else f"{names[:137]}..."
+        return f"{type(self).__name__}({names}, {len(self.parameters)} parameters)"
+
     @abstractmethod
     def simulate(self, theta: ArrayLike, event: Event | None = None) -> Responses:
-        """Simulate every row of `theta` (n, m); a failed row has a status and NaN, and never raises."""
+        """Simulate every row of `theta` (n, m); a failed row never raises.
+
+        Parameters
+        ----------
+        theta : array-like of shape (n, m)
+        event : Event, optional
+            `self.event` where not given.
+
+        Returns
+        -------
+        Responses
+        """
 
     @property
     def threads(self) -> int:
-        """How many threads may simulate at the same time; 1 where it is not known that several may."""
+        """Number of threads that may simulate at the same time."""
         return 1
 
     @abstractmethod
     def observe(self, recording: Any) -> Observation:
-        """Bring a recording onto this simulator's channels, units and time grid."""
+        """Bring a recording onto this simulator's channels, units and time grid; an `Observation` stays as it is."""
 
     def part(self, observation: Observation, samples: int) -> Observation:
-        """Return what was observed at the first instants only, in a form that this simulator can be compared with.
-
-        Parameters
-        ----------
-        observation : Observation
-        samples : int
-            From 2 to L.
-        """
+        """Return the first `samples` instants (2 to L) of an observation, in a form that this simulator simulates."""
         return observation.first(samples)
 
     def extend(self, effect: Effect | str, **options: Any) -> Simulator:
-        """Add an effect of the library; its parameters join `parameters`, the strength first.
+        """Return this simulator with an effect of the library; its parameters follow, the strength first.
 
         Parameters
         ----------
@@ -143,10 +186,6 @@ class Simulator(ABC):
             One of `effects`, or its name; also for one recording only, see `Effect.during`.
         **options : mapping
             Changes of a parameter's fields by its short name, for example ``K={"nominal": 50.0}``.
-
-        Returns
-        -------
-        Simulator
 
         Raises
         ------
@@ -172,19 +211,7 @@ class Simulator(ABC):
         return extended
 
     def addable(self, effects: Iterable[Effect], *, asked: bool) -> list[Effect]:
-        """Effects that can be added beside those that have been.
-
-        Parameters
-        ----------
-        effects : iterable of Effect
-        asked : bool
-            Whether each was asked for, so that it must not be left out.
-
-        Raises
-        ------
-        InputError
-            If one that was asked for has been added before, for each recording.
-        """
+        """Effects that do not clash with added ones; with `asked`, a clash of each kind raises `InputError`."""
         effects = list(effects)
         new = [e for e in effects if not any(other.clashes_with(e) for other in self.extensions)]
         left = {e.original for e in new}
@@ -194,17 +221,7 @@ class Simulator(ABC):
         return new
 
     def effects_named(self, names: Iterable[str] | None) -> list[Effect]:
-        """Effects of the library by name; all but unknown signals where no names are given.
-
-        Parameters
-        ----------
-        names : iterable of str or None
-
-        Raises
-        ------
-        InputError
-            If a name is not that of an effect.
-        """
+        """Effects of the library by name, all but unknown signals for None; an unknown name raises `InputError`."""
         if isinstance(names, str):
             raise InputError(f"effects is the text {names!r}", allowed="a list of names of effects")
         library = {e.name: e for e in self.effects if e.kind != "latent"}
@@ -215,15 +232,7 @@ class Simulator(ABC):
         return [library[name] for name in chosen]
 
     def acting(self, theta: ArrayLike, event: Event) -> NDArray[np.float64]:
-        """Return parameter vectors (n, m) with all effects off that act in other recordings only.
-
-        Rows that become equal have the same response to the event.
-
-        Parameters
-        ----------
-        theta : array-like of shape (n, m)
-        event : Event
-        """
+        """Return `theta` (n, m) with the effects switched off that act in other recordings only."""
         theta = np.asarray(theta, dtype=float)
         off = [effect for effect in self.extensions if not effect.acts_in(event)]
         if off:
@@ -234,12 +243,12 @@ class Simulator(ABC):
         return theta
 
     def _present(self, event: Event) -> tuple[Effect, ...]:
-        """Effects that act in an event, by the names that the model knows them by."""
+        """Effects that act in an event, under their original names."""
         acting = (e for e in self.extensions if e.acts_in(event))
         return tuple(replace(e, name=e.original) if e.recording else e for e in acting)
 
     def _named(self, theta: NDArray[np.float64], event: Event) -> dict[str, NDArray[np.float64]]:
-        """Parameters (n,) by the names that the model knows them by, without those of effects that do not act."""
+        """Parameters (n,) by their original names, without those of effects that do not act."""
         values = dict(zip(self.parameters.names, theta.T, strict=True))
         for effect in self.extensions:
             if effect.recording:
@@ -251,9 +260,10 @@ class Simulator(ABC):
     def with_uncertainty(
         self, observation: Observation, theta: ArrayLike, estimated: ArrayLike | None = None
     ) -> Observation:
-        """Return an observation with the uncertainty that it has if `theta` are the true parameters.
+        """Return an observation with its uncertainty if `theta` are the true parameters.
 
-        What the noise of injected signals makes depends on the model; without injected signals nothing changes.
+        The noise of injected signals passes through the model, so its effect depends on the parameters. Without
+        injected signals the observation is returned as it is.
 
         Parameters
         ----------
@@ -265,7 +275,7 @@ class Simulator(ABC):
         return observation
 
     def propagated_noise(self, observation: Observation, theta: ArrayLike) -> NDArray[np.float64]:
-        """Energy of what each of D draws of the noise of injected signals makes, in squared deviations.
+        """Energy of the propagated noise in squared deviations, for each of D draws of the injected signals' noise.
 
         Parameters
         ----------
@@ -275,26 +285,22 @@ class Simulator(ABC):
         Returns
         -------
         ndarray of shape (D, n, R)
-            0 without injected signals, NaN where it cannot be simulated or another response comes out.
+            0 without injected signals; NaN where a simulation fails or the noise changes the kind of response.
         """
         return np.zeros((1, len(np.atleast_2d(theta)), len(self.channels)))
 
     def fit_initial_state(self, observation: Observation) -> Observation:
-        """Return a recording with what belongs to it alone estimated from its beginning, as an unknown initial state.
+        """Return an observation with its unknown initial states estimated from its beginning.
 
-        Models are compared on recordings that were not fitted; each gets the start that suits it best, and nothing else
-        is adapted. Without anything of that kind the observation is returned as it is.
-
-        Parameters
-        ----------
-        observation : Observation
+        Models are compared on recordings that were not fitted. Each model starts there from its own best initial state;
+        nothing else is fitted. Without unknown initial states the observation is returned as it is.
         """
         return observation
 
     def trajectories(
         self, theta: ArrayLike, event: Event, device: str = ""
     ) -> dict[str, NDArray[np.float64]]:
-        """States inside a model on the time axis of an event (L,), by name; empty where they cannot be seen.
+        """States of the model by name, each (L,) on the time axis of an event; empty where they are not available.
 
         Parameters
         ----------
@@ -306,29 +312,17 @@ class Simulator(ABC):
         return {}
 
     def refined(self, factor: int) -> Simulator:
-        """Return this simulator with a step so many times smaller; itself where it has no step.
-
-        Parameters
-        ----------
-        factor : int
-        """
+        """Return this simulator with its step divided by `factor`; itself where it has no step."""
         step = getattr(self, "step", None)
         return self if step is None else self.with_step(step / factor)
 
     def with_step_of(self, other: Simulator) -> Simulator:
-        """Return this simulator with the step of another, see `refined`; itself where it has no step.
-
-        Two models are compared fairly only if both are integrated alike.
-
-        Parameters
-        ----------
-        other : Simulator
-        """
+        """Return this simulator with the step of another: a fair comparison needs equal steps."""
         step = getattr(other, "step", None)
         return self if step is None else self.with_step(step)
 
     def with_step(self, step: float) -> Simulator:
-        """Return this simulator with another longest step in seconds; itself where it has no step."""
+        """Return this simulator with another longest step in seconds; itself where it has none."""
         if getattr(self, "step", None) is None:
             return self
         changed = copy.copy(self)
@@ -336,18 +330,9 @@ class Simulator(ABC):
         return changed
 
     def with_nominal(self, theta: ArrayLike) -> Simulator:
-        """Return this simulator with other nominal values, for example calibrated ones.
+        """Return this simulator with other nominal values (m,), for example calibrated ones.
 
-        Bounds, and the scales that deviations are measured against, stay as they are.
-
-        Parameters
-        ----------
-        theta : array-like of shape (m,)
-
-        Raises
-        ------
-        InputError
-            If there is not one finite value inside the bounds for each parameter.
+        Bounds and scales stay as they are. A value that is not finite or outside its bounds raises `InputError`.
         """
         values = self.parameters.validate(theta)[0]
         changes = {
@@ -359,13 +344,10 @@ class Simulator(ABC):
         return changed
 
     def settings(self) -> dict[str, Any]:
-        """Everything that responses depend on beside parameters and event, for fingerprints of stored results.
-
-        Override it in a simulator that has constants, steps or options of its own.
-        """
+        """Constants, step and options that responses depend on, for fingerprints of stored results."""
         return {}
 
     def baseline(self, event: Event | None = None) -> NDArray[np.float64]:
-        """Response at the nominal parameters, y₀ = F(θ₀), shape (R, L)."""
+        """Nominal response y₀ = F(θ₀), shape (R, L); `SimulationError` if it fails."""
         responses = self.simulate(self.parameters.nominal, event)
         return responses.require_ok("the simulation at the nominal parameters").values[0]

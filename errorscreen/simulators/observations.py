@@ -1,4 +1,4 @@
-"""Recordings on a simulator's channels and time grid, checked once for all that compare with them."""
+"""Recordings on a simulator's channels and time grid, checked."""
 
 from __future__ import annotations
 
@@ -17,22 +17,13 @@ from errorscreen.simulators.base import Simulator
 
 
 def as_observations(simulator: Simulator, recordings: Any) -> list[Observation]:
-    """Bring one recording or several onto a simulator's channels and time grid.
-
-    Parameters
-    ----------
-    simulator : Simulator
-    recordings : Observation, or anything ``simulator.observe`` takes, or a list or tuple of them
-
-    Returns
-    -------
-    list of Observation
+    """Bring one recording or several, or observations, onto a simulator's channels and time grid.
 
     Raises
     ------
     InputError
-        If there is no recording, or one has other channels or shapes than the simulator, no measured value
-        at all, or a noise that is not positive.
+        If there is no recording, or one has other channels or shapes than the simulator, no measured value, or a noise
+        that is not positive.
     """
     if not isinstance(simulator, Simulator):
         raise InputError(
@@ -50,13 +41,7 @@ def as_observations(simulator: Simulator, recordings: Any) -> list[Observation]:
 
 
 def check_recording(item: Any) -> Recording:
-    """Return a recording as it is.
-
-    Raises
-    ------
-    InputError
-        If it is none.
-    """
+    """Return a recording as it is; anything else raises `InputError`."""
     if isinstance(item, Recording):
         return item
     raise InputError(f"a {type(item).__name__} is not a recording", allowed="Recording, Observation")
@@ -65,12 +50,9 @@ def check_recording(item: Any) -> Recording:
 def observed_after(
     recording: Any, event: Event, channels: tuple[str, ...], units: tuple[str, ...]
 ) -> Observation:
-    """Observation of a recording on some channels and the time axis of what happened; what it lacks is a gap.
+    """Observation of a recording on some channels and the time axis of an event; a missing channel is all NaN.
 
-    Raises
-    ------
-    InputError
-        If it has none of the channels, one in another unit than pu, or is not a recording.
+    A recording without any of the channels, or with one that is not in pu, raises `InputError`.
     """
     recording = check_recording(recording)
     where = f"recording {recording.name!r}"
@@ -95,34 +77,17 @@ def observed_after(
 
 
 def with_initial_states(simulator: Simulator, recordings: Any) -> list[Observation]:
-    """Return recordings to judge a fitted simulator on, each with the initial state that suits it best.
-
-    Parameters
-    ----------
-    simulator : Simulator
-        With its fitted values as nominal ones, see `Simulator.fit_initial_state`.
-    recordings
-        As in `as_observations`.
-    """
-    return [
-        simulator.fit_initial_state(observation) for observation in as_observations(simulator, recordings)
-    ]
+    """Observations to judge a fitted simulator on, each with its best initial state, see `as_observations`."""
+    return [simulator.fit_initial_state(seen) for seen in as_observations(simulator, recordings)]
 
 
 def check_names(parameters: ParameterSpace, names: Iterable[str] | None) -> tuple[str, ...]:
-    """Return the names of a selection of parameters, all where none is given.
-
-    Raises
-    ------
-    InputError
-        If a name is unknown or appears twice, or the selection is empty.
-    """
+    """Names of a selection of parameters, all for None; an unknown or repeated name, or none, raises `InputError`."""
     if isinstance(names, str):
         raise InputError(f"names is the text {names!r}", allowed="a list of parameter names")
-    return parameters.names if names is None else _unique(parameters.subset(names))
-
-
-def _unique(space: ParameterSpace) -> tuple[str, ...]:
+    if names is None:
+        return parameters.names
+    space = parameters.subset(names)
     if not len(space):
         raise InputError("the selection of parameters is empty", allowed="at least one name")
     return space.names
@@ -136,11 +101,9 @@ def _check(observation: Observation, simulator: Simulator, where: str) -> None:
             allowed=f"the simulator's: {', '.join(simulator.channels)}",
             remedy="Use simulator.observe(recording)",
         )
-    shape = (len(simulator.channels), len(observation.time))
-    if np.shape(observation.values) != shape:
-        raise InputError(
-            f"the values have shape {np.shape(observation.values)}", where=where, allowed=f"{shape}"
-        )
+    shape, found = (len(simulator.channels), len(observation.time)), np.shape(observation.values)
+    if found != shape:
+        raise InputError(f"the values have shape {found}", where=where, allowed=f"{shape}")
     noise = np.asarray(observation.noise, dtype=float)
     if noise.shape != shape[:1] or not np.all(np.isfinite(noise) & (noise > 0)):
         raise InputError(

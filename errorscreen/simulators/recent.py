@@ -1,4 +1,4 @@
-"""Results for the last few events and rows: a search simulates the same recordings over and over."""
+"""Results for the last few events and rows, because a search simulates the same recordings again and again."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-#: results that are kept; searches rarely have more recordings at once, with parts of them in several threads
+#: results that are kept: more than the recordings, and parts of them, of most searches
 _KEPT = 32
-#: rows of a set that is worth its memory
+#: largest set of rows that is kept
 _MOST_ROWS = 1024
 _NONE = np.empty((0, 0))
 
 
 class Recent:
-    """Keeps what was computed for the last few events, or for the last few sets of rows.
+    """Keeps the results for the last few events or sets of rows; they must not be changed.
 
-    What is kept must not be changed. Copies and pickles begin empty.
+    Pickles begin empty.
 
     Parameters
     ----------
     kept : int, default 32
-        How many results.
+        Number of results.
 
     Examples
     --------
@@ -48,19 +48,7 @@ class Recent:
         compute: Callable[[], Any],
         rows: NDArray[np.float64] = _NONE,
     ) -> Any:
-        """Return what was computed for the same objects, settings and rows, or compute it.
-
-        Parameters
-        ----------
-        objects : tuple
-            Recognised as the same objects, which do not change.
-        key : tuple
-            Compared by value.
-        compute : callable
-            Without arguments.
-        rows : ndarray of shape (n, m), optional
-            Compared by value; what many of them give is not kept.
-        """
+        """Result of ``compute()``, kept for the same objects (by identity), key and rows (n, m) (by value)."""
         if len(rows) > _MOST_ROWS:
             return compute()
         for owners, settings, known, value in self._found:

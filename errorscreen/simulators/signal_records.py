@@ -1,4 +1,4 @@
-"""From a recording of any system to the inputs of a model and what its outputs are compared with."""
+"""From a recording of any system to the inputs of a model and the outputs to compare with."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from errorscreen.data.resampling import SHORT_GAP
 from errorscreen.events import InputSignal
 from errorscreen.exceptions import InputError
 
-#: how inputs go on between their samples
+#: course of inputs between samples
 INTERPOLATIONS = ("linear", "hold", "cubic", "bandlimited")
-#: time stamps that lie so close to a uniform grid, in its steps, are rounded and not irregular
+#: time stamps this close to a uniform grid, in steps, are rounded, not irregular
 _ROUNDED = 0.05
 #: steps of the grid between two irregular readings
 _FINER = 4
@@ -53,23 +53,16 @@ def signal_observation(
 ) -> Observation:
     """Inputs and measured outputs on one uniform grid.
 
-    Readings at irregular instants are moved to the nearest instant of a grid four times as fine, along the curve
-    through their neighbours; the other instants are not compared.
+    Irregular readings move to the nearest instant of a grid four times as fine, along the curve through their
+    neighbours; the other instants are not compared.
 
-    Parameters
-    ----------
-    recording : Recording
-    inputs, outputs : tuple of str
-        Of the model; an output that was not recorded is all NaN.
-    units : tuple of str
-        Of the outputs.
-    initial : mapping of str to (str or float)
-        First guess of states: a number, or the name of an output whose first reading it is.
+    An output that was not recorded is all NaN. `units` are those of the outputs. `initial` gives the first guess of
+    states: a number, or the output whose first reading it is.
 
     Raises
     ------
     InputError
-        If an input was not recorded or has a long gap, no output was recorded, or the unit of a channel is another one.
+        If an input was not recorded or has a long gap, no output was recorded, or a unit differs.
     """
     where = f"recording {recording.name!r}"
     for name in inputs:
@@ -133,7 +126,7 @@ def _placed(source: _Array, values: _Array, time: _Array) -> _Array:
 
 
 def _everywhere(recording: Recording, name: str, time: _Array) -> _Array:
-    """Input at all instants; a long gap is an error, because nobody knows what drove the system there."""
+    """Input at all instants; a long gap is an error, because the system's input is unknown there."""
     values = recording.channels[name].values
     known = np.isfinite(values)
     t = recording.time[known]
@@ -154,15 +147,8 @@ def between_samples(
 ) -> NDArray[np.float64]:
     """Inputs at the beginning, in the middle and at the end of each step, shape (K + 1, 3, number of inputs).
 
-    Parameters
-    ----------
-    event : InputSignal
-    names : tuple of str
-    every : int
-        Steps between two samples.
-    interpolation : {"linear", "hold", "cubic", "bandlimited"}
-        ``"hold"`` is what a digital controller puts out; ``"bandlimited"`` is right for signals behind an anti-aliasing
-        filter.
+    There are `every` steps between two samples. ``"hold"`` suits digital controllers, ``"bandlimited"`` signals behind
+    an anti-aliasing filter.
     """
     time = event.time
     steps = every * (len(time) - 1)

@@ -1,4 +1,4 @@
-"""The functions of a user's model, checked once and compiled; run as Python where they cannot be compiled."""
+"""Functions of a user's model: checked once and compiled; they run as Python where numba cannot compile them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import math
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import is_dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from types import CodeType
 from typing import Any
 
@@ -25,12 +25,12 @@ _Array = NDArray[np.float64]
 
 
 def nothing(t: Any, x: Any, u: Any, p: Any, v: Any) -> None:
-    """Stand for a function that a model does not have."""
+    """Null function of a model without this part."""
 
 
 @lru_cache
 def selection(rows: tuple[int, ...], n_states: int) -> Function:
-    """Readout of some states, inputs and internal signals, counted through in this order."""
+    """Readout of some quantities, numbered in the order states, inputs, internal signals."""
     index = np.array(rows, dtype=np.int64)
 
     def readout(t: Any, x: Any, u: Any, p: Any, y: Any) -> None:
@@ -42,16 +42,21 @@ def selection(rows: tuple[int, ...], n_states: int) -> Function:
 
 
 def identity(function: Any) -> str:
-    """Fingerprint of a function: its code, constants, and the values of its closure and of globals it names."""
+    """Fingerprint of a function: code, constants, and values of its closure and of the globals that it names."""
     return hashlib.sha256("\n".join(_parts(function)).encode()).hexdigest()[:16]
 
 
 def _parts(function: Any) -> Iterator[str]:
-    function = getattr(function, "py_func", function)  # what numba has compiled was made from it
+    function = getattr(function, "py_func", function)  # of a function compiled by numba
     code = getattr(function, "__code__", None)
-    if code is None:  # an object that is called: what it is made of
+    if isinstance(function, partial):
+        yield _described((function.args, sorted(function.keywords.items())))
+        yield from _parts(function.func)
+        return
+    if code is None:  # a callable object: its state as in a pickle, without temporary files and the like
+        state = vars(function) if isinstance(function, type) else function.__getstate__() or {}
         yield type(function).__qualname__
-        held = vars(function) if hasattr(function, "__dict__") else {}
+        held = state if isinstance(state, dict) else {"state": state}
         yield from (f"{name} {_described(value)}" for name, value in sorted(held.items()))
         return
     yield from _parts_of_code(code)
@@ -81,21 +86,13 @@ def _parts_of_code(code: CodeType) -> Iterator[str]:
 
 
 def check_outputs(outputs: Sequence[str], inside: Iterable[str], readout: bool) -> None:
-    """Raise `InputError` unless outputs are quantities of the model, or have names of their own where it has a readout.
-
-    Parameters
-    ----------
-    outputs : sequence of str
-    inside : iterable of str
-        States, inputs and internal signals.
-    readout : bool
-    """
+    """Check the names of outputs: those of a readout must be new, others are states, inputs or signals (`inside`)."""
     known = list(inside)
     clashes = [name for name in outputs if name in known]
     if readout and clashes:
         raise InputError(
             f"the outputs {', '.join(clashes)} have the names of states, inputs or signals",
-            remedy="Give what a readout computes a name of its own, or leave the readout out",
+            remedy="Give the results of a readout names of their own, or leave the readout out",
         )
     for name in () if readout else outputs:
         if name not in known:
@@ -105,13 +102,7 @@ def check_outputs(outputs: Sequence[str], inside: Iterable[str], readout: bool) 
 def evaluate_once(
     kind: str, function: Function, names: Sequence[str], t: float, x: _Array, u: _Array, p: _Array
 ) -> _Array:
-    """Values of a function as Python, which tells of mistakes that machine code does not.
-
-    Raises
-    ------
-    InputError
-        If it raises, reads or writes beyond the arrays, or leaves a value unset.
-    """
+    """Evaluate a function in Python, because machine code hides its mistakes: these raise `InputError`."""
     if not callable(function):
         raise InputError(
             f"{kind} is a {type(function).__name__}", allowed=f"a function {kind}{_ARGUMENTS[kind]}"
@@ -147,21 +138,21 @@ def evaluate_once(
 
 
 def parallel_map(function: Function) -> Function:
-    """Evaluate a function of the user for several simulations: of these, ``ode_kernel.USER`` is the signature."""
+    """Function of the user for several simulations, with the signature ``ode_kernel.USER``."""
 
     def rows(
         t: Any, x: Any, u: Any, p: Any, out: Any, n_states: Any, first: Any, size: Any, lanes: Any
     ) -> None:
         for j in range(lanes):
             values = out[j][first : first + size]
-            values[:] = np.nan  # what the function does not write must show
+            values[:] = np.nan  # unset values must show
             function(t, x[j][:n_states], u[j], p[j], values)
 
     return rows
 
 
 def _is_fixed(function: Any) -> bool:
-    """Whether `identity` sees everything that a function refers to: numbers, texts and functions of mathematics."""
+    """Whether a function refers to numbers, texts, math and numpy only, which `identity` sees."""
     code = getattr(function, "__code__", None)
     if code is None or any(isinstance(constant, CodeType) for constant in code.co_consts):
         return False
@@ -172,7 +163,6 @@ def _is_fixed(function: Any) -> bool:
 
 @lru_cache(maxsize=64)
 def _kept(function: Function, fingerprint: str) -> Any:
-    """Pointer to a function that has not changed since it was compiled."""
     return _machine_code(function)
 
 
@@ -187,20 +177,20 @@ def _machine_code(function: Function) -> Any:
 
 
 def _pointer(function: Function, counted: bool) -> Any:
-    """The same; counting references to arrays takes nine tenths of the time of a small function."""
+    """Pointer to a compiled function; counting references takes nine tenths of the time of a small one."""
     import numba
 
     from errorscreen.simulators.ode.kernel import USER
 
     row = numba.types.float64[::1]
-    # what reads or writes beyond an array must not reach foreign memory
+    # an index beyond an array must not reach foreign memory
     inner = numba.njit(error_model="numpy", boundscheck=True)(function)
 
     @numba.njit(numba.types.void(numba.types.float64, row, row, row, row), error_model="numpy", _nrt=counted)
     def guarded(t: Any, x: Any, u: Any, p: Any, out: Any) -> None:
         try:
             inner(t, x, u, p, out)
-        except Exception:  # machine code cannot raise through a pointer: such a simulation becomes no number
+        except Exception:  # machine code cannot raise through a pointer: such a simulation becomes NaN
             for j in range(out.shape[0]):
                 out[j] = np.nan
 
@@ -208,26 +198,24 @@ def _pointer(function: Function, counted: bool) -> Any:
 
 
 def compile_all(functions: Sequence[Function], wanted: bool = True) -> tuple[bool, list[Any]]:
-    """Machine code of the functions, and whether there is any; `parallel_map` in Python where numba cannot,
-    or where it is not wanted.
+    """Whether functions are compiled, and their machine code, or else `parallel_map` of each in Python.
 
     Warns
     -----
     EngineWarning
-        With the reason.
+        With the reason where numba cannot compile one.
     """
     compiled: list[Any] = []
     for function in functions if wanted else ():
         try:
-            # others are compiled anew each time, because what they refer to may have changed
+            # others are compiled each time, because an object that they refer to may have changed
             known = function is nothing or function.__module__ == __name__ or _is_fixed(function)
             compiled.append(_kept(function, identity(function)) if known else _machine_code(function))
         except Exception as error:  # numba raises many kinds, also of its own and its compiler's
-            reason = next((line for line in str(error).splitlines() if line.strip()), type(error).__name__)
-            detail = [line.strip() for line in str(error).splitlines() if line.strip()][-1:]
+            lines = [line for line in str(error).splitlines() if line.strip()] or [type(error).__name__, ""]
             warnings.warn(
                 f"{getattr(function, '__name__', 'a function')} of the model cannot be compiled and runs as Python, "
-                f"some hundred times slower: {reason} {' '.join(detail)}".rstrip(),
+                f"some hundred times slower: {lines[0]} {lines[-1].strip()}".rstrip(),
                 EngineWarning,
                 stacklevel=3,
             )

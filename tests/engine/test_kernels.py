@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from errorscreen.engine import Call, Engine, Model, ReferenceEngine
-from errorscreen.engine.codegen import cache_directory, load_module, source
+from errorscreen.engine.codegen import cache_directory, load_generated, source
 from errorscreen.engine.examples import decay
 from errorscreen.engine.kernels import FEW_LANES, LANES, SMALL_BATCH, _tasks
 from tests.plants import DEVICE_NAMES, plant, random_rows
@@ -103,12 +103,11 @@ def test_generated_module_has_no_equations_and_fresh_processes_hit_the_cache(tmp
 
 def test_an_edited_generated_module_is_replaced(tmp_path, monkeypatch):
     monkeypatch.setenv("ERRORSCREEN_CACHE_DIR", str(tmp_path))
-    name = load_module(LAG, 2).__name__
-    path = tmp_path / f"{name}.py"
-    path.write_text("raise RuntimeError('must not run')")
-    monkeypatch.delitem(sys.modules, name)
-    assert load_module(LAG, 2).__name__ == name
-    assert "must not run" not in path.read_text()
+    load_generated("edited", "VALUE = 1\n")
+    (tmp_path / "edited.py").write_text("raise RuntimeError('must not run')")
+    monkeypatch.delitem(sys.modules, "edited")
+    assert load_generated("edited", "VALUE = 1\n").VALUE == 1
+    assert "must not run" not in (tmp_path / "edited.py").read_text()
 
 
 def test_a_folder_that_cannot_be_written_is_replaced_by_one_for_the_process(tmp_path, monkeypatch):

@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 
 from errorscreen.power.elements import Branch, Bus, Generator, Load, Shunt
 from errorscreen.power.network import Network
+from errorscreen.power.reduction import Reducer
 
 
 def random_network(seed, n=None, generators=True):
@@ -46,3 +47,14 @@ def random_network(seed, n=None, generators=True):
 
 
 networks = st.integers(0, 2**32 - 1).map(random_network)
+
+
+def reduce_network(network, terminals, **options):
+    """One state of a grid, reduced to terminals."""
+    return Reducer(network, terminals, **options).anew(network)
+
+
+def kron_reduction(Y, keep):
+    """Admittance matrix of the kept nodes (F. Dörfler and F. Bullo, IEEE Trans. CAS I, 2013)."""
+    k, r = np.array(keep), np.setdiff1d(np.arange(len(Y)), keep)
+    return Y[np.ix_(k, k)] - Y[np.ix_(k, r)] @ np.linalg.solve(Y[np.ix_(r, r)], Y[np.ix_(r, k)])

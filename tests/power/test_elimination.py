@@ -9,8 +9,8 @@ from errorscreen.cases.ieee39_data import MACHINES, ieee39_network
 from errorscreen.engine import ReferenceEngine
 from errorscreen.models import DFIG_PLANT, PV_PLANT, SYNCHRONOUS_MACHINE
 from errorscreen.power.load_flow import solve_load_flow
-from errorscreen.power.reduction import reduce_network
 from errorscreen.simulators.grid.assembly import GridModel
+from tests.power.grids import reduce_network
 
 AT = {"synchronous_machine": 30, "dfig_plant": 37, "pv_plant": 38}
 DEVICES = {d.name: d for d in (SYNCHRONOUS_MACHINE, DFIG_PLANT, PV_PLANT)}

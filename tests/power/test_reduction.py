@@ -10,9 +10,9 @@ from errorscreen.exceptions import InputError
 from errorscreen.power.elements import Branch, Bus, Shunt
 from errorscreen.power.load_flow import solve_load_flow
 from errorscreen.power.network import Network
-from errorscreen.power.reduction import Reducer, kron_reduction, reduce_network
+from errorscreen.power.reduction import Reducer
 from tests.power.andes_reference import andes, solve
-from tests.power.grids import networks, random_network
+from tests.power.grids import kron_reduction, networks, random_network, reduce_network
 
 UNITS = tuple(bus for _, bus, *_ in MACHINES)
 FLOW = solve_load_flow(ieee39_network())
@@ -120,18 +120,6 @@ def test_kron_reduction_is_the_inverse_of_the_impedance(state):
     assert np.allclose(np.linalg.inv(Y), reduced(network).impedance, rtol=0, atol=1e-12)
 
 
-@given(networks, st.integers(0, 2**32 - 1))
-def test_kron_reduction_in_two_steps_is_one(network, seed):
-    rng = np.random.default_rng(seed)
-    Y = network.admittance(np.ones(len(network.buses)))
-    keep = rng.permutation(len(Y))
-    some, few = keep[: len(Y) - 1], keep[:2]
-    once = kron_reduction(Y, few)
-    twice = kron_reduction(kron_reduction(Y, some), [0, 1])
-    assert np.abs(once - twice).max() < 1e-10 * np.abs(Y).max()
-    assert np.array_equal(kron_reduction(Y, range(len(Y))), Y)
-
-
 @given(networks)
 def test_the_order_of_the_terminals_does_not_matter(network):
     buses = [bus.number for bus in network.buses]
@@ -182,10 +170,6 @@ PURE = Network((Bus(1), Bus(2), Bus(3)), (Branch(1, 2, 0.0, 0.1), Branch(2, 3, 0
             lambda: reduce_network(PURE, [1], load_voltages=np.ones(3)),
             "reduction: the admittance matrix is singular.* Include loads, line charging",
         ),
-        (lambda: kron_reduction(PURE.admittance(), []), "the admittance matrix is singular"),
-        (lambda: kron_reduction(np.ones((2, 3)), [0]), "has shape .2, 3.. Allowed: a square matrix"),
-        (lambda: kron_reduction(np.eye(3), [0, 3]), "the kept positions are .0, 3.. Allowed: .* from 0 to 2"),
-        (lambda: kron_reduction(np.eye(3), [0, 0]), "the kept positions are .0, 0."),
     ],
 )
 def test_bad_input(make, message):

@@ -1,5 +1,6 @@
 """The functions of a user's model: compiled once, and again when something they refer to has changed."""
 
+from functools import partial
 from types import ModuleType
 
 import numba
@@ -58,6 +59,22 @@ def responses(rhs, n=3, **settings):
 
 def test_a_compiled_function_is_known_by_what_it_was_made_from():
     assert identity(numba.njit(spring)) == identity(spring) != identity(numba.njit(spring_of_a_table))
+
+
+def test_callable_objects_are_recognised_by_their_state():
+    class Box:
+        def __init__(self, gain):
+            self.gain, self.folder = gain, object()
+
+        def __getstate__(self):
+            return {"gain": self.gain}
+
+        def __call__(self, theta, event):
+            return self.gain * theta
+
+    assert identity(Box(1.0)) == identity(Box(1.0)) != identity(Box(2.0))
+    assert identity(partial(spring, 1.0)) == identity(partial(spring, 1.0)) != identity(partial(spring, 2.0))
+    assert identity(partial(spring, 1.0)) != identity(partial(spring_of_a_table, 1.0))
 
 
 def test_a_function_that_has_not_changed_is_compiled_once():

@@ -32,15 +32,14 @@ _Array = NDArray[np.float64]
 class CallableSimulator(Simulator):
     """Responses of a function ``f(theta, event)`` that runs some other program: an FMU, a subprocess, a service.
 
-    Screening, calibration, diagnosis and the effects of the measurement work as for every simulator. What the program
-    itself lacks cannot be added to it, because it has no ports: structural effects are not offered, and an unexplained
-    error cannot be located inside it.
+    Screening, calibration, diagnosis and measurement effects work as for every simulator. The program has no ports, so
+    there are no structural effects, and an unexplained error cannot be located inside it.
 
     Parameters
     ----------
     function : callable
         ``f(theta, event)`` of one parameter vector (m,) and an event; returns responses (R, L), or (L,) for a single
-        channel. If it raises or returns values that are not finite, that simulation has failed, and goes on without.
+        channel. Where it raises, or returns values that are not finite, that simulation has failed.
     parameters : ParameterSpace or iterable of Parameter
     recordings : Recording, Observation or Event, or a list of them
         Gives the default event (the first) and the scales of the measurement effects.
@@ -53,7 +52,7 @@ class CallableSimulator(Simulator):
     n_jobs : int, optional
         Simulations at the same time, see `joblib.Parallel`.
     backend : str
-        Of joblib: ``"threading"`` for programs that are waited for, ``"loky"`` for functions that compute in Python.
+        Of joblib: ``"threading"`` for other programs, ``"loky"`` for functions that compute in Python.
 
     Raises
     ------
@@ -104,9 +103,7 @@ class CallableSimulator(Simulator):
         self.effects = self._measurement([item for item in seen if isinstance(item, Observation)])
 
     def __repr__(self) -> str:
-        added = "".join(f" + {effect.name}" for effect in self.extensions)
-        name = getattr(self.function, "__name__", type(self.function).__name__)
-        return f"CallableSimulator({name}{added}, {len(self.parameters)} parameters)"
+        return self._short(getattr(self.function, "__name__", type(self.function).__name__))
 
     def settings(self) -> dict[str, Any]:
         """Function and added effects; see `Simulator.settings`."""
@@ -116,30 +113,19 @@ class CallableSimulator(Simulator):
         }
 
     def observe(self, recording: Any) -> Observation:
-        """Bring a recording onto the outputs and a uniform time grid, with the inputs as the event.
-
-        Parameters
-        ----------
-        recording : Recording or Observation
-        """
+        """Bring a recording onto the outputs and a uniform time grid, with the inputs as the event."""
         if isinstance(recording, Observation):
             return recording
         recording = check_recording(recording)
         return signal_observation(recording, self.inputs, self.channels, self.units, {})
 
     def part(self, observation: Observation, samples: int) -> Observation:
-        """Return what was observed at the first instants, and nothing later: a program may know its own events only."""
+        """Return an observation with NaN after the first instants; the event stays, which the program may need."""
         early = np.arange(len(observation.time)) < samples
         return replace(observation, values=np.where(early, observation.values, np.nan))
 
     def simulate(self, theta: ArrayLike, event: Event | None = None) -> Responses:
         """Simulate every row of `theta`; see `Simulator.simulate`.
-
-        Parameters
-        ----------
-        theta : array-like of shape (n, m)
-        event : Event, optional
-            `self.event` where not given.
 
         Raises
         ------
@@ -164,13 +150,13 @@ class CallableSimulator(Simulator):
         return Responses(out, status.astype(np.int64), event.time, self.channels, "; ".join(reasons[:1]))
 
     def _called(self, own: _Array, event: Event) -> tuple[list[Any], list[str]]:
-        """What the function returns for each row, None where it raises, and why."""
+        """Results of the function for each row, None where it raises, and the reasons."""
         if self.vectorized:
             try:
                 rows = list(self.function(own.copy(), event))
                 if len(rows) == len(own):
                     return rows, []
-            except Exception:  # one bad row must not spoil the others: each by itself
+            except Exception:  # a bad row must not spoil the others: run each by itself
                 pass
             pairs = [_guarded(lambda t, e: next(iter(self.function(t[None], e))), row, event) for row in own]
         else:
@@ -194,7 +180,7 @@ class CallableSimulator(Simulator):
         return array.reshape(shape)
 
     def _measurement(self, observations: list[Observation]) -> tuple[Any, ...]:
-        """Effects of the measurement, with ranges from what was measured, or else from the nominal responses."""
+        """Measurement effects, with ranges from the measurements, or else from the nominal responses."""
         rows = [o.values for o in observations] or [self.baseline()]
         time = self.event.time
         late = min(_LATE_SHARE * float(time[-1] - time[0]), _LATE_SAMPLES * self.event.dt)
@@ -207,7 +193,7 @@ class CallableSimulator(Simulator):
 
 
 def _guarded(function: Function, theta: _Array, event: Event) -> tuple[Any, str]:
-    """Result of one simulation, or None and why, because failure is data."""
+    """Result of one simulation, or None and the reason."""
     try:
         result = function(theta, event)
     except Exception as error:

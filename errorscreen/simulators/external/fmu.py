@@ -16,24 +16,24 @@ from errorscreen.exceptions import InputError, MissingExtraError, SimulationErro
 
 
 class FMU:
-    """A model as other tools export it (FMI 2 or 3), as a function for `CallableSimulator`.
+    """A functional mock-up unit (FMI 2 or 3) as a function for `CallableSimulator`.
 
-    Loading a unit runs the machine code in it: use only files that you trust.
+    Loading a unit runs its machine code: use only files that you trust.
 
     Parameters
     ----------
     path : str or Path
         The ``.fmu`` file.
     parameters : iterable of str
-        Its variables that are set to theta, in this order.
+        Variables that are set to theta, in this order.
     outputs : iterable of str
-        Its variables that are recorded, in the order of the simulator's outputs.
+        Variables that are recorded, in the order of the simulator's outputs.
     inputs : iterable of str
-        Its input variables; each is driven by the signal of the event that has the same name.
+        Input variables, driven by the event's signals of the same names.
     start_values : mapping of str to object, optional
         Other variables that are set before the start.
     step : float, optional
-        Communication step in seconds, of which that of the event is a multiple; that of the event where not given.
+        Communication step in seconds, a part of the event's step; that step where not given.
 
     Raises
     ------
@@ -65,13 +65,7 @@ class FMU:
         self._folder: str | None = None
 
     def __repr__(self) -> str:
-        given = {
-            "outputs": self.outputs,
-            "inputs": self.inputs,
-            "start_values": self.start_values,
-            "step": self.step,
-        }
-        return f"FMU({str(self.path)!r}, {self.parameters}, {given})"
+        return f"FMU({self.path.name!r}, {len(self.parameters)} parameters, {len(self.outputs)} outputs)"
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave the unpacked files behind: another process unpacks its own."""

@@ -64,17 +64,7 @@ def constant_names(device: Device) -> tuple[str, ...]:
 def grid_effects(
     devices: Mapping[str, str], channels: Iterable[str], network: Network, events: Sequence[Event]
 ) -> Iterator[Effect]:
-    """Effects of each device, of the measurement, and of what may have been different in faults.
-
-    Parameters
-    ----------
-    devices : mapping of str to str
-        Kind of each device by its name in the grid.
-    channels : iterable of str
-    network : Network
-    events : sequence of Event
-        Those whose records may be wrong.
-    """
+    """Effects of each device, given with its registry name, of the measurement, and of faults recorded wrongly."""
     for device, kind in devices.items():
         yield from (effect.at(device) for effect in effects_of(kind))
     yield from measurement_effects(channels)
@@ -85,25 +75,17 @@ def grid_effects(
         if not faulted.isdisjoint(branch.ends) and branch.in_service:
             try:
                 network.with_line_out(*branch.ends, branch.circuit)
-            except InputError:  # it would leave an island
+            except InputError:  # an island
                 continue
             several = sum(set(other.ends) == set(branch.ends) for other in network.branches) > 1
             yield branch_trip(branch.ends, branch.circuit if several else None)
 
 
 class GridModel:
-    """Model of machines and devices at the terminals of a reduced grid.
+    """Model of machines and devices at the terminals of a reduced grid, with effects at the devices that they name.
 
-    Parameters
-    ----------
-    machines : iterable of int
-        Buses of the fixed machines.
-    devices : iterable of Device
-        At most one of the kind ``"norton"`` and one of the kind ``"rotor"``.
-    channels : mapping of str to int or (int, int)
-        Observed quantities, as in `PowerSystemSimulator`.
-    effects : iterable of Effect
-        Compiled in, each at the device that it names.
+    At most one device may be of the kind ``"norton"`` and one of the kind ``"rotor"``; `machines` are the buses of the
+    fixed machines, `channels` those of `PowerSystemSimulator`.
     """
 
     def __init__(
@@ -161,11 +143,7 @@ class GridModel:
     def _rows(self) -> list[str]:
         rows = list(self._order)
         for name, where in self.channels.items():
-            rows += (
-                [f"channel.{name}.V", f"channel.{name}.I"]
-                if isinstance(where, tuple)
-                else [f"channel.{name}.V"]
-            )
+            rows += [f"channel.{name}.{part}" for part in ("VI" if isinstance(where, tuple) else "V")]
         return rows
 
     def _table_names(self) -> tuple[str, ...]:
@@ -179,7 +157,7 @@ class GridModel:
         self._calls.append(Call(function, tuple(reads), tuple(writes), recorded=recorded))
 
     def _stage(self, prefix: str, function: Equations) -> None:
-        """Call a stage with the names of its arguments and results, those of one unit."""
+        """Call a stage of one unit, then the effects on its results."""
         self._add(
             function,
             (qualified(prefix, n) for n in reads_of(function)),
@@ -191,7 +169,7 @@ class GridModel:
                     self._calls.append(effect_call(effect, partial(qualified, prefix)))
 
     def _sources(self) -> None:
-        """What states determine before the grid is solved; J of machines and of current-controlled converters."""
+        """Currents J that follow from states, of machines and of current-controlled converters."""
         for prefix in self._machines:
             self._stage(prefix, two_axis_fixed.internal_source)
         for d in self.devices:
@@ -254,7 +232,7 @@ class GridModel:
             )
 
     def _known(self) -> list[tuple[str, ...]]:
-        """Column and names of the currents that states determine."""
+        """Columns and names of the currents that follow from states."""
         known = [(p, *_of(p, "Jr", "Ji")) for p in self._machines]
         others = [d.name for d in self.devices if d.name not in (self._norton, self._rotor)]
         return [*known, *((p, *_of(p, "Ir", "Ii")) for p in others)]
@@ -291,5 +269,5 @@ def _of(prefix: str, *names: str) -> tuple[str, ...]:
 
 
 def _impedance(row: str, column: str) -> tuple[str, str]:
-    """Names of the table entries that lead from the current at a column to a row."""
+    """Names of the table entries from a current (column) to a row."""
     return f"r({row}, {column})", f"x({row}, {column})"

@@ -1,4 +1,4 @@
-"""States of a grid in the course of an event: their tables, and which of them holds in each step."""
+"""States of a grid during an event: their tables, and the state that holds in each step."""
 
 from __future__ import annotations
 
@@ -14,37 +14,26 @@ from errorscreen.exceptions import InputError
 from errorscreen.parameters import ParameterSpace, distinct_rows
 from errorscreen.power.network import Network
 
-#: states of the grid that a new one is compared with, and how many are reduced together: matrices of all are in memory
+#: states that a new one is compared with, and states that are reduced together, with all their matrices in memory
 _COMPARED, _TOGETHER = 4, 64
-#: share of a step by which an instant may miss it
+#: largest distance of an instant from a step, in steps
 _NEARLY = 1e-6
 
 
-def what_happened(
+def events_by_row(
     event: GridEvent, effects: Sequence[Effect], theta: NDArray[np.float64], parameters: ParameterSpace
 ) -> Iterator[tuple[NDArray[np.bool_], GridEvent]]:
-    """Rows of parameters that share what happened, and that event.
-
-    Parameters
-    ----------
-    event : GridEvent
-        On record.
-    effects : sequence of Effect
-        Of the kind ``"event"``.
-    theta : ndarray of shape (n, m)
-    parameters : ParameterSpace
-        Those of the columns of `theta`.
-    """
+    """Rows of parameters with the same true event, and that event, from effects of the kind ``"event"``."""
     names = [effect.local(p.name) for effect in effects for p in effect.parameters]
     columns = theta[:, [parameters.index(name) for name in names]]
     kinds, which = distinct_rows(columns)
-    # sorted, so that those that lead to the same states of the grid follow each other
+    # sorted, so that equal states of the grid follow each other
     for number in np.lexsort(kinds.T[::-1]):
         own = dict(zip(names, kinds[number].tolist(), strict=True))
-        happened: Any = event
+        true_event: Any = event
         for effect in effects:
-            happened = effect.equations(happened, *(own[effect.local(p.name)] for p in effect.parameters))
-        yield which == number, happened
+            true_event = effect.equations(true_event, *(own[effect.local(p.name)] for p in effect.parameters))
+        yield which == number, true_event
 
 
 def tables_in_time(
@@ -54,29 +43,10 @@ def tables_in_time(
     h: float,
     steps: int,
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Tables of each state of the grid on record, that before the event first, and which holds in each step.
+    """Tables of the grid's states (n_states, n_tables), that before the event first, and the state of each step.
 
-    Parameters
-    ----------
-    event : GridEvent
-    network : Network
-        Before the event.
-    tables : callable
-        Tables of states of the grid, shape (n_states, n_tables).
-    h : float
-        Step in seconds.
-    steps : int
-
-    Returns
-    -------
-    tables : ndarray of shape (n_states, n_tables)
-    segment : ndarray of shape (steps + 1,)
-        Row of `tables` that holds throughout each step, see `Engine.integrate`.
-
-    Raises
-    ------
-    InputError
-        If an instant at which the grid changes is no multiple of the step, or the grid has no unique solution then.
+    `network` is the grid before the event, and `tables` gives the tables of its states. A change of the grid at no
+    multiple of the step h, or a state without a unique solution, raises `InputError`.
     """
     changes = event.changes(network)
     values = tables([network, *(changed for _, changed in changes)])
@@ -97,7 +67,7 @@ def tables_in_time(
 
 
 def courses(
-    happened: Iterable[tuple[NDArray[np.bool_], GridEvent]],
+    true_events: Iterable[tuple[NDArray[np.bool_], GridEvent]],
     network: Network,
     tables: Callable[[Sequence[Network]], NDArray[np.float64]],
     before: NDArray[np.float64],
@@ -105,38 +75,18 @@ def courses(
     n: int,
     h: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.bool_]]:
-    """Tables in the course of what happened in each of n simulations.
+    """Tables and segments of n simulations with the events of `events_by_row`, and which are possible (n,).
 
-    Instants need not fall on a step: the step in which the grid changes has the mean of both tables, weighted by time,
-    because an instant that is estimated must act smoothly.
-
-    Parameters
-    ----------
-    happened : iterable of (ndarray of shape (n,), GridEvent)
-        See `what_happened`.
-    network, tables, h
-        See `tables_in_time`.
-    before : ndarray of shape (n_tables,)
-        Table of the grid before the event.
-    instants : int
-        Steps, and one more.
-    n : int
-
-    Returns
-    -------
-    tables : ndarray of shape (n_states, n_tables)
-        That before the event first, which is common to all.
-    segment : ndarray of shape (n, instants)
-        See `Engine.integrate`.
-    possible : ndarray of shape (n,), bool
-        Two branches opened can leave an island.
+    The table `before` the event, which is common to all, comes first. An estimated instant must act smoothly, so it
+    need not fall on a step: the step in which the grid changes has the mean of both tables, weighted by time. An event
+    is not possible where open branches leave an island.
     """
-    # states are reduced together; a fault that only lasts longer leads to the same ones again
+    # states are reduced together; a fault that only lasts longer has the same ones
     parts, plans, possible = [before[None]], [], np.ones(n, dtype=bool)
     recent: list[tuple[int, Network]] = [(0, network)]
     waiting: list[Network] = []
     count = 1
-    for rows, event in happened:
+    for rows, event in true_events:
         try:
             changes = event.changes(network)
         except InputError:
@@ -167,17 +117,9 @@ def courses(
 def _placed(
     event: GridEvent, times: Sequence[float], values: NDArray[np.float64], h: float, steps: int
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Tables with those of steps within which the grid changes, and which of them holds in each step.
+    """Tables and segment, with extra tables for steps within which the grid changes.
 
-    Parameters
-    ----------
-    event : GridEvent
-    times : sequence of float
-        Instants at which the grid changes.
-    values : ndarray of shape (n_times + 1, n_tables)
-        Tables before, and from each instant on.
-    h, steps
-        See `tables_in_time`.
+    The grid changes at `times`; `values` (n_times + 1, n_tables) are the tables before, and from each instant on.
     """
     segment, tables = np.zeros(steps + 1, dtype=np.int64), [values[0]]
     for instant, after in zip(times, values[1:], strict=True):
@@ -196,18 +138,18 @@ def _placed(
 
 
 def steps_at_rest(segment: NDArray[np.int64], every: int) -> int:
-    """Steps at the beginning that need no integration: the grid is in equilibrium until the event changes it.
+    """Steps at the beginning that need no integration, because the grid is in equilibrium.
 
-    A multiple of `every`, the steps between two instants that are compared. The last of these instants before the
-    change is left, because what is recorded at the change belongs to after it. 0 where the grid never changes, so that
-    a run without any event still shows whether it stays where it is.
+    A multiple of `every`, the steps between two compared instants. The last of them before the change is integrated,
+    because the value at the change is the one after it. 0 where the grid never changes, so that a run without any event
+    still shows whether it stays in equilibrium.
 
     Examples
     --------
     >>> steps_at_rest(np.array([0, 0, 0, 0, 1, 2]), every=2)
     2
 
-    With a fault from the first instant on there is no rest, although nothing changes until it is cleared:
+    With a fault from the first instant on:
 
     >>> steps_at_rest(np.array([1, 1, 1, 1, 2, 2]), every=1)
     0

@@ -1,4 +1,4 @@
-"""A grid with machines and the plants under test: responses at observed buses and lines to events in the grid."""
+"""A grid with machines and plants under test: responses to events at observed buses and branches."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from errorscreen.data.observations import Observation
 from errorscreen.effects import Effect
-from errorscreen.engine import Engine, ReferenceEngine
+from errorscreen.engine.kernels import new_engine
 from errorscreen.events import Event, GridEvent
 from errorscreen.exceptions import InputError, check_real, unknown_name
 from errorscreen.models import LOAD, FixedMachine
@@ -19,17 +19,19 @@ from errorscreen.power.load_flow import LoadFlow, solve_load_flow
 from errorscreen.power.network import Network
 from errorscreen.power.reduction import Reducer
 from errorscreen.simulators.assembly import (
-    INSIDE,
     Prepared,
     check_ports,
+    drop_implausible,
+    inside,
     measured,
     start_effects,
     starting,
+    step_of,
     switched_off,
 )
 from errorscreen.simulators.base import Responses, Simulator, Status
 from errorscreen.simulators.grid.assembly import GridModel, grid_effects, qualified
-from errorscreen.simulators.grid.event_tables import courses, steps_at_rest, tables_in_time, what_happened
+from errorscreen.simulators.grid.event_tables import courses, events_by_row, steps_at_rest, tables_in_time
 from errorscreen.simulators.grid.unit import (
     AtTerminals,
     LoadUnderTest,
@@ -41,21 +43,20 @@ from errorscreen.simulators.grid.unit import (
 from errorscreen.simulators.observations import observed_after
 from errorscreen.simulators.recent import Recent
 
-#: a channel beyond this is not that of a grid, in pu
+#: largest plausible value of a channel in pu
 _PLAUSIBLE = 1e3
-#: sets of rows whose starts are kept, a few for each thread
+#: sets of rows whose initial states are kept, a few for each thread
 _STARTS = 8
 
 Values = dict[str, NDArray[np.float64]]
 
 
 class PowerSystemSimulator(Simulator):
-    """Voltages and powers observed in a grid when something happens in it.
+    """Voltages and powers in a grid after an event.
 
-    The grid is reduced to the terminals of machines and units for each of its states, loads are constant impedances.
-    Every parameter vector starts at its own exact equilibrium: the load flow does not depend on the parameters. There
-    it rests until the grid changes, so integration begins just before that; where an effect moves something earlier, it
-    begins at once.
+    The grid is reduced to the terminals of machines and units for each of its states. The load flow does not depend on
+    the parameters, so every parameter vector starts at its own exact equilibrium. Integration begins just before the
+    grid changes, or at once where an effect moves something earlier.
 
     Parameters
     ----------
@@ -66,28 +67,28 @@ class PowerSystemSimulator(Simulator):
     machines : iterable of FixedMachine
         All other generators.
     loads : iterable of LoadUnderTest
-        Loads that may be no constant impedances: effects may act there. All others are constant impedances.
+        Loads in which effects may act; all others are constant impedances.
     channels : mapping of str to int or (int, int)
         Observed quantities in pu: a bus for the magnitude of its voltage; a pair (sending, receiving bus) for the
         active power that arrives at the receiving bus over the branches between them.
     event : GridEvent
-        What `simulate` uses where no event is given.
+        Default event of `simulate`.
     further : iterable of GridEvent
-        Others whose records may be wrong, too.
+        Other events whose records may be wrong.
     parameters : ParameterSpace, optional
         Candidates, a subset of those of all devices in any order; all where not given.
     f0 : float
         Nominal frequency in Hz.
     step : float
-        Longest step of the integration in seconds; the step used divides that of the time axis of an event, and
-        instants at which the grid changes must be multiples of it.
+        Longest step of the integration in seconds. The step used divides that of an event's time axis, and instants at
+        which the grid changes must be multiples of it.
     effects : iterable of Effect, optional
-        What could be added with `extend`; effects inside a unit name it as their device (`Effect.at`). The library of
-        each unit, measurement effects of the channels, and what may have been different in the events where not given.
+        Library; effects inside a unit name it as their device (`Effect.at`). Where not given: the library of each
+        unit, measurement effects of the channels, and possible deviations of the events.
     n_threads : int, optional
-        Threads of the engine; the result does not depend on it.
+        Numba's setting where not given. The result does not depend on it.
     engine : {"compiled", "numpy"}
-        ``"numpy"`` is the slow reference path of the same equations.
+        ``"numpy"`` is the slow reference of the same equations.
 
     Examples
     --------
@@ -135,9 +136,6 @@ class PowerSystemSimulator(Simulator):
         self.observed = dict(channels)
         self.f0 = check_real(f0, "f0", low=0, above=True, where="PowerSystemSimulator")
         self.step = check_real(step, "the step", low=0, above=True, where="PowerSystemSimulator")
-        engines = {"compiled": Engine, "numpy": ReferenceEngine}
-        if engine not in engines:
-            raise unknown_name(engine, engines, kind="engine")
         check_terminals(network, self.units_under_test, self.machines, self.loads_under_test)
         if not self.observed:
             raise InputError(
@@ -156,14 +154,13 @@ class PowerSystemSimulator(Simulator):
             effects = grid_effects(kinds, self.channels, self.network, (event, *further))
         self.effects = tuple(effects)
         self._off = switched_off(self.effects)
-        inside = tuple(e for e in self.effects if e.kind in INSIDE)
-        for effect in inside:
+        self._inside = inside(self.effects)
+        for effect in self._inside:
             if effect.device not in devices:
                 raise unknown_name(effect.device, devices, kind="device", where=f"effect {effect.name!r}")
             check_ports(devices[effect.device], [effect])
-        self._inside = inside
-        self._grid = GridModel((m.bus for m in self.machines), devices.values(), self.observed, inside)
-        self._engine = engines[engine](self._grid.model(), n_threads)
+        self._grid = GridModel((m.bus for m in self.machines), devices.values(), self.observed, self._inside)
+        self._engine = new_engine(engine, self._grid.model(), n_threads)
         self._flows: dict[float, LoadFlow] = {}
         self._reducers: dict[float, Reducer] = {}
         self._terminal_values: dict[float, AtTerminals] = {}
@@ -171,16 +168,12 @@ class PowerSystemSimulator(Simulator):
         self._reducer(event).anew(self._flow(event).network)  # an unknown bus, or no solution, shows here
 
     def __repr__(self) -> str:
-        return (
-            f"PowerSystemSimulator({len(self.network.buses)} buses, {len(self.machines)} machines, "
-            f"{', '.join(u.model.name for u in self.units_under_test) or 'no unit'}"
-            + "".join(f" + {effect.name}" for effect in self.extensions)
-            + f", {len(self.parameters)} parameters)"
-        )
+        units = ", ".join(u.model.name for u in self.units_under_test) or "no unit"
+        return self._short(f"{len(self.network.buses)} buses, {len(self.machines)} machines, {units}")
 
     @property
     def threads(self) -> int:
-        """How many threads may simulate at the same time: as many as share the simulations of a batch."""
+        """Number of threads that may simulate at the same time: the threads of a batch."""
         return self._engine.threads
 
     def settings(self) -> dict[str, Any]:
@@ -203,8 +196,7 @@ class PowerSystemSimulator(Simulator):
         ----------
         theta : array-like of shape (n, m)
         event : GridEvent, optional
-            `self.event` where not given. What is recorded at an instant at which the grid changes is the value just
-            after it.
+            `self.event` where not given. The value at an instant at which the grid changes is the one just after it.
 
         Raises
         ------
@@ -222,7 +214,7 @@ class PowerSystemSimulator(Simulator):
         tables, segment, possible = self._courses(theta, event, h, every)
         start = start & possible
         steps = every * (len(event.time) - 1)
-        # a measurement sees every step, and not only the instants that are compared
+        # a measurement effect needs every step, not only the compared instants
         present = self._present(event)
         distorted = any(effect.kind == "measurement" for effect in present)
         record = 1 if distorted else every
@@ -244,9 +236,7 @@ class PowerSystemSimulator(Simulator):
                 out[rows, :, skipped // record :] = part
         if distorted:
             out = measured(out, self.channels, present, values, h)[..., ::every]
-        with np.errstate(invalid="ignore"):
-            well = (np.abs(out) < _PLAUSIBLE).all(axis=(1, 2))
-        out[~well] = np.nan
+        well = drop_implausible(out, _PLAUSIBLE)
         status = np.where(start, np.where(well, Status.OK, Status.DIVERGED), Status.NO_EQUILIBRIUM)
         status[~possible] = Status.FAILED
         return Responses(out, status.astype(np.int64), event.time, self.channels)
@@ -271,19 +261,19 @@ class PowerSystemSimulator(Simulator):
     def _courses(
         self, theta: NDArray[np.float64], event: GridEvent, h: float, every: int
     ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.bool_]]:
-        """States of the grid, which of them holds in each step of each row, and rows to which this can happen."""
+        """Tables of the grid's states, the state of each step of each row, and rows with a possible event."""
         altering = [e for e in self.extensions if e.kind == "event" and e.acts_in(event)]
-        tables, segment = self._course(event, h, every)  # what is on record must be possible
+        tables, segment = self._course(event, h, every)  # the recorded event must be possible
         if not altering:
             return tables, segment, np.ones(len(theta), dtype=bool)
-        happened = what_happened(event, altering, theta, self.parameters)
+        true_events = events_by_row(event, altering, theta, self.parameters)
         network, own = self._flow(event).network, self._tables(event)
-        return courses(happened, network, own, tables[0], segment.shape[-1], len(theta), h)
+        return courses(true_events, network, own, tables[0], segment.shape[-1], len(theta), h)
 
     def _course(
         self, event: GridEvent, h: float, every: int
     ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """States of the grid on record, and which of them holds in each step."""
+        """Tables of the recorded states of the grid, and the state of each step."""
 
         def course() -> tuple[NDArray[np.float64], NDArray[np.int64]]:
             steps = every * (len(event.time) - 1)
@@ -293,11 +283,11 @@ class PowerSystemSimulator(Simulator):
         return found
 
     def _tables(self, event: GridEvent) -> Callable[[Sequence[Network]], NDArray[np.float64]]:
-        """What gives the tables of states of the grid, with loads that draw their power before an event."""
+        """Function from states of the grid to their tables, with the loads' power before an event."""
         return lambda networks: self._grid.tables(self._reducer(event)(networks))
 
     def _reducer(self, event: GridEvent) -> Reducer:
-        """What reduces states of the grid; kept as load flows are."""
+        """Reducer of the grid's states, kept for each load level."""
         if event.level not in self._reducers:
             flow = self._flow(event)
             self._reducers[event.level] = Reducer(
@@ -311,9 +301,8 @@ class PowerSystemSimulator(Simulator):
         return self._reducers[event.level]
 
     def _prepared(self, theta: NDArray[np.float64], event: GridEvent) -> Prepared:
-        """What a simulation needs to begin, see `Prepared`."""
-        every = max(1, int(np.ceil(event.dt / self.step - 1e-9)))
-        h = event.dt / every
+        """Start of each simulation, see `Prepared`."""
+        h, every = step_of(event, self.step)
         begin = min(event.start, event.time[-1] - event.dt) - event.time[0]
         instants = float(begin), float(event.time[-1] - event.time[0])
 
@@ -326,16 +315,16 @@ class PowerSystemSimulator(Simulator):
         return *self._recent_starts.get(model, known, start, theta), h, every
 
     def observe(self, recording: Any, event: Event | None = None) -> Observation:
-        """Bring a recording onto this simulator's channels and the time axis of what happened.
+        """Bring a recording onto this simulator's channels and the time axis of an event.
 
-        Its time stamps must count as those of the event do: the disturbance at ``event.start``.
+        Its time stamps must be those of the event, with the disturbance at ``event.start``.
 
         Parameters
         ----------
         recording : Recording or Observation
             Its channels have the names of this simulator's, in pu of the grid's base.
         event : Event, optional
-            What happened, a `GridEvent`; that of this simulator where not given.
+            A `GridEvent`; that of this simulator where not given.
 
         Raises
         ------
@@ -351,7 +340,7 @@ class PowerSystemSimulator(Simulator):
         return [m.bus for m in self.machines] + [item.bus for item in self._items]
 
     def _flow(self, event: GridEvent) -> LoadFlow:
-        """Load flow before an event; kept for each level, because a search simulates the same few over and over."""
+        """Load flow before an event, kept for each load level."""
         if event.level not in self._flows:
             network = self.network
             if event.level != 1:
@@ -364,7 +353,7 @@ class PowerSystemSimulator(Simulator):
     ) -> tuple[Values, NDArray[np.bool_]]:
         """All states and constants by name, each of shape (n,) or (), and where an equilibrium exists.
 
-        It depends on nothing of the event but its level, which effects act in it, and when it begins and ends.
+        Of the event only its load level, its acting effects, its begin and its end count.
         """
         machines, powers = self._at_terminals(event)
         values: Values = {"f0": np.array(self.f0), **machines}
@@ -382,7 +371,7 @@ class PowerSystemSimulator(Simulator):
         return values | started, feasible
 
     def _at_terminals(self, event: GridEvent) -> AtTerminals:
-        """What holds at all terminals before an event; kept as load flows are."""
+        """State of all terminals before an event, kept for each load level."""
         if event.level not in self._terminal_values:
             found = at_terminals(self._flow(event), self.machines, self._items)
             self._terminal_values[event.level] = found

@@ -15,13 +15,13 @@ from errorscreen.power.load_flow import LoadFlow
 from errorscreen.power.network import Network
 from errorscreen.simulators.grid.assembly import machine_prefix, qualified
 
-#: of the fixed machines by name in the model, and size, voltage and power of each unit or load
+#: quantities of the fixed machines by name in the model, and size, voltage and power of each unit or load
 AtTerminals = tuple[Values, list[tuple[float, complex, complex]]]
 
 
 @dataclass(frozen=True)
 class Unit:
-    """A plant under test at a bus of the grid; it delivers what the load flow finds for the generator there.
+    """A plant under test at a bus of the grid, with the power of the generator there in the load flow.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class Unit:
     rating : float
         Base of the plant's own per unit in MVA.
     constants : mapping of str to float
-        Values of the device's constants other than the default ones.
+        Constants of the device that differ from the defaults.
 
     Examples
     --------
@@ -49,9 +49,7 @@ class Unit:
         if self.model.grid is None:
             raise InputError(f"the device {self.model.name!r} cannot be connected to a grid", where=where)
         check_real(self.rating, "the rating", low=0, above=True, where=where)
-        for name in self.constants:
-            if name not in self.default_constants:
-                raise unknown_name(name, self.default_constants, kind="constant", where=where)
+        _check_constants(self, where)
 
     @property
     def model(self) -> Device:
@@ -69,14 +67,14 @@ class Unit:
 
 @dataclass(frozen=True)
 class LoadUnderTest:
-    """A load of the grid that may be no constant impedance.
+    """A load of the grid in which effects may act.
 
     Parameters
     ----------
     bus : int
         Its device is called ``load_`` and the bus.
     constants : mapping of str to float
-        Values of the load's constants other than the default ones.
+        Constants of the load that differ from the defaults.
 
     Examples
     --------
@@ -88,11 +86,7 @@ class LoadUnderTest:
     constants: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name in self.constants:
-            if name not in self.default_constants:
-                raise unknown_name(
-                    name, self.default_constants, kind="constant", where=f"load at bus {self.bus}"
-                )
+        _check_constants(self, f"load at bus {self.bus}")
 
     @property
     def model(self) -> Device:
@@ -105,22 +99,19 @@ class LoadUnderTest:
         return LOAD.constant_values()
 
 
+def _check_constants(item: Unit | LoadUnderTest, where: str) -> None:
+    for name in item.constants:
+        if name not in item.default_constants:
+            raise unknown_name(name, item.default_constants, kind="constant", where=where)
+
+
 def at_rest(
     item: Unit | LoadUnderTest, given: Values, size: float, voltage: complex, power: complex, f0: float
 ) -> tuple[Values, NDArray[np.bool_]]:
-    """Quantities of a unit or load at its equilibrium, without prefix, and where there is one.
+    """Quantities of a unit or load at its equilibrium, without prefix, and rows that have one.
 
-    Parameters
-    ----------
-    item : Unit or LoadUnderTest
-    given : mapping of str to ndarray of shape (n,)
-        Candidate parameters; nominal where missing.
-    size : float
-        Base of its own per unit over that of the grid.
-    voltage, power : complex
-        In pu of the grid; power delivered by a unit, drawn by a load.
-    f0 : float
-        Hz.
+    `given` holds candidate parameters (n,), nominal where missing; `size` is the item's base over that of the grid;
+    voltage and power are in pu of the grid, power delivered by a unit or drawn by a load.
     """
     device = item.model
     assert device.grid is not None
@@ -129,7 +120,7 @@ def at_rest(
     numbers |= {"V": abs(voltage), "angle": float(np.angle(voltage))}
     numbers |= {"P": power.real / size, "Q": power.imag / size}
     own |= {name: np.array(value) for name, value in numbers.items()}
-    with np.errstate(all="ignore"):  # an absurd parameter shows in what is feasible
+    with np.errstate(all="ignore"):  # an absurd parameter shows as no equilibrium
         states, setpoints, possible = device.initialise(own)
     return {**own, **states, **setpoints, **{s: own[name] for s, name in device.grid.states}}, possible
 
@@ -137,21 +128,7 @@ def at_rest(
 def at_terminals(
     flow: LoadFlow, machines: Sequence[FixedMachine], items: Sequence[Unit | LoadUnderTest]
 ) -> AtTerminals:
-    """Fixed machines at their equilibrium, and what each unit and load begins from.
-
-    Parameters
-    ----------
-    flow : LoadFlow
-    machines : sequence of FixedMachine
-    items : sequence of Unit or LoadUnderTest
-
-    Returns
-    -------
-    values : mapping of str to ndarray of shape ()
-        Of all machines, by name in the model.
-    given : list of (float, complex, complex)
-        Size, voltage and power of each unit and load, see `at_rest`.
-    """
+    """Equilibrium of the fixed machines, by name in the model, and arguments of `at_rest` for each unit and load."""
     network, generation = flow.network, flow.generation
     demand = network.demand()
     values: Values = {}
@@ -173,12 +150,9 @@ def check_terminals(
     machines: Sequence[FixedMachine],
     loads: Sequence[LoadUnderTest],
 ) -> None:
-    """Check that there is a machine or unit at each generator, and a load where one is under test.
+    """Raise `InputError` unless each generator has a machine or unit, and each load under test exists.
 
-    Raises
-    ------
-    InputError
-        If not, if a device or kind of connection is there twice, or if there is no fixed machine.
+    A device, or a kind of connection, may be there once only, and there must be a fixed machine.
     """
     where = "PowerSystemSimulator"
     buses = [m.bus for m in machines] + [u.bus for u in units]

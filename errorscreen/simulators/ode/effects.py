@@ -1,8 +1,7 @@
-"""Interpreter of the table of generic effects in a user's model: what each row does to its quantity, and remembers.
+"""Interpreter of the table of generic effects in a user's model: action and memory of each row.
 
-At the beginning of each step what has a memory (lag, delay, rate limit, backlash, timers) is brought up to date with
-the values just before; inside the step it is read, not changed (but for a relay that drops out). So all four stages
-see the same model.
+Memories (lag, delay, rate limit, backlash, timers) are updated at the beginning of each step with the values just
+before. Inside the step they are read only, except by a relay that drops out, so all four stages see the same model.
 """
 
 from __future__ import annotations
@@ -16,14 +15,14 @@ from errorscreen.effects.generic import terms, transforms
 from errorscreen.effects.generic.base import NUMBERS, PLACES
 from errorscreen.effects.latent_input import KNOTS, PULSE
 
-#: columns of the table: template, place, number of the target, of the signal that is read (-1: the quantity itself;
-#: states come first, then inputs and internal signals), of the state that receives a spill (-1: none), of the effect's
+#: columns of the table: template, place, and the numbers of the target, of the signal that is read (-1: the quantity
+#: itself; states, then inputs, then internal signals), of the state that receives a spill (-1: none), of the effect's
 #: own state (-1: none), and of its first parameter
 ROW = ("template", "place", "target", "reads", "into", "state", "first")
 #: constants of each row: size of the signal; begin of the event and rate of the clock, for unknown signals; whether the
-#: quantity is an input that is held between samples
+#: quantity is a held input
 ROW_CONSTANTS = ("size", "begin", "rate", "held")
-#: what a row remembers: output and input (of a relay: whether it has dropped out) at the beginning of the step, timer,
+#: memory of a row: output and input (of a relay: whether it has dropped out) at the beginning of the step, timer,
 #: distance from a threshold
 MEMORIES = 4
 
@@ -57,7 +56,7 @@ def _act(
     r: Any, table: Any, owns: Any, q: Any, i: Any, v: Any, s: Any, t: Any, tau: Any, h: Any, k: Any, begin: Any,
     memory: Any, history: Any, z: Any,
 ) -> Any:  # fmt: skip
-    """Quantity v as effect r leaves it, tau seconds after step k began; `begin`: bring the memory up to date."""
+    """Quantity v after effect r, tau seconds after step k began; `begin`: update the memory."""
     kind, first = table[r, 0], table[r, 6]
     a, own = q[i, first], table[r, 1] == EQUATION and table[r, 3] == table[r, 2]
     if kind == VISCOUS:
@@ -94,7 +93,7 @@ def _remembered(
     r: Any, table: Any, owns: Any, q: Any, i: Any, v: Any, s: Any, tau: Any, h: Any, k: Any, begin: Any,
     memory: Any, history: Any,
 ) -> Any:  # fmt: skip
-    """The same for effects with a memory; before the record all has been at rest."""
+    """Quantity v after an effect with a memory; before the record nothing moved."""
     kind, first = table[r, 0], table[r, 6]
     a = q[i, first]
     start = begin and k == 0
@@ -109,7 +108,7 @@ def _remembered(
         return transforms.delay(v, a, h, k, 0.0 if begin else tau, history, r, owns[r, 3] > 0.0, after)
     if kind >= RELAY_ABOVE:
         distance = s - q[i, first + 1] if kind == RELAY_ABOVE else q[i, first + 1] - s
-        # one instant inside is enough to drop out, also between the beginnings of two steps: memory[r, 1] notes it
+        # one instant inside is enough to drop out, also within a step: memory[r, 1] notes it
         before, timer = memory[r, 3], memory[r, 2]
         if memory[r, 1] > 0.0:
             before, timer = -abs(distance), 0.0  # half a step ago, on average
@@ -139,7 +138,7 @@ def apply_effects(
     place: Any, values: Any, offset: Any, x: Any, u: Any, t: Any, tau: Any, h: Any, k: Any, begin: Any,
     n_states: Any, table: Any, owns: Any, q: Any, lane0: Any, lanes: Any, memory: Any, history: Any, dx: Any,
 ) -> Any:  # fmt: skip
-    """Let all effects at one kind of place act on its values (from `offset` on), one after the other."""
+    """Apply the effects at one kind of place to its values (from `offset` on), one after the other."""
     for r in range(table.shape[0]):
         if table[r, 1] != place:
             continue

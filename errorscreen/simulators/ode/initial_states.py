@@ -17,7 +17,7 @@ from errorscreen.parameters import Parameter
 _AROUND = 3.0
 #: instants of the grid within which the first reading of a state must lie
 _FIRST = 8
-#: a prior of 0.3 of the scale is then nearly flat over the range
+#: scale over range: a prior of 0.3 of the scale is then nearly flat over the range
 _SCALE = 2.0
 
 _Array = NDArray[np.float64]
@@ -25,22 +25,10 @@ _Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class InitialStates:
-    """What is known of the state in which each recording begins.
+    """Knowledge of the initial state of each recording.
 
-    Parameters
-    ----------
-    states, outputs : tuple of str
-    units : mapping of str to str
-        Of the states.
-    given : mapping of str to (float, "measured" or Parameter)
-        See `ODESimulator`.
-    columns : mapping of (str, str) to int
-        Column of theta that holds a state of a recording, by recording and state.
-
-    Raises
-    ------
-    InputError
-        If a state is unknown, or a measured one is no output.
+    `given` is the argument ``initial`` of `ODESimulator`; `columns` has the columns of theta by recording and state. An
+    unknown state, or a measured one that is no output, raises `InputError`.
     """
 
     states: tuple[str, ...]
@@ -66,27 +54,21 @@ class InitialStates:
 
     @property
     def free(self) -> tuple[str, ...]:
-        """States that are not known."""
+        """Unknown states."""
         return tuple(name for name, value in self.given.items() if isinstance(value, str | Parameter))
 
     @property
     def guesses(self) -> dict[str, str | float]:
         """First guess of each free state: a number, or the output whose first reading it is."""
-        found: dict[str, str | float] = {}
-        for name in self.free:
-            value = self.given[name]
-            found[name] = value.nominal if isinstance(value, Parameter) else name
-        return found
+        given = ((name, self.given[name]) for name in self.free)
+        return {name: value.nominal if isinstance(value, Parameter) else name for name, value in given}
 
     def fitted_to(
         self, seen: Sequence[Observation | InputSignal], first: int
     ) -> tuple[InitialStates, list[Parameter]]:
-        """Return the same with a set of parameters for each recording, the first of which is column `first`.
+        """Return this with a set of parameters for each recording, from column `first` of theta on.
 
-        Raises
-        ------
-        InputError
-            If two recordings have the same name, or a measured state belongs to an event without measurements.
+        Two recordings with the same name, or a measured state without measurements, raise `InputError`.
         """
         columns: dict[tuple[str, str], int] = {}
         parameters: list[Parameter] = []
@@ -101,19 +83,11 @@ class InitialStates:
                 low, high = self.bounds(state, item)
                 value = self.given[state]
                 middle = value.nominal if isinstance(value, Parameter) else 0.5 * (low + high)
-                parameters.append(
-                    Parameter(
-                        f"{state}(0) of {event.name}",
-                        middle,
-                        low,
-                        high,
-                        self.units[state],
-                        event.name,
-                        f"{state}(0)",
-                        "initial state",
-                        scale=_SCALE * (high - low),
-                    )
-                )
+                parameter = Parameter(
+                    f"{state}(0) of {event.name}", middle, low, high, self.units[state], event.name,
+                    f"{state}(0)", "initial state", scale=_SCALE * (high - low),
+                )  # fmt: skip
+                parameters.append(parameter)
         return replace(self, columns=columns), parameters
 
     def knows(self, event: InputSignal) -> bool:
@@ -121,7 +95,7 @@ class InitialStates:
         return any(name == event.name for name, _ in self.columns)
 
     def check(self, event: InputSignal) -> None:
-        """Raise `InputError` if a state is not known in which an event begins."""
+        """Raise `InputError` if an initial state of an event is unknown."""
         for name in self.free:
             if (event.name, name) not in self.columns and name not in event.initial:
                 raise InputError(
@@ -131,13 +105,7 @@ class InitialStates:
                 )
 
     def bounds(self, name: str, item: Observation | InputSignal) -> tuple[float, float]:
-        """Smallest and largest value that a free state of a recording may have.
-
-        Raises
-        ------
-        InputError
-            If it is measured, but the recording holds no first reading of it.
-        """
+        """Bounds of a free state of a recording; a measured one without a first reading raises `InputError`."""
         value = self.given[name]
         if isinstance(value, Parameter):
             return value.lower, value.upper

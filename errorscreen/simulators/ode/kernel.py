@@ -1,11 +1,10 @@
-r"""Integrates a user's model with generic effects by the method of Runge and Kutta.
+r"""Integrates a user's model with generic effects by the Runge-Kutta method of order four.
 
-The user's functions are called through pointers, so that this module is compiled once, whatever the model and whatever
-effects are tried: an effect is a row of a table (`ode_effects.ROW`), and which rows act is data. A call through a
-pointer takes longer than most right-hand sides, so each serves several simulations (`LANES`), which advance side by
-side.
+The user's functions are called through pointers, so this module is compiled once for all models and effects: an effect
+is a row of a table (`ode_effects.ROW`). A call through a pointer takes longer than most right-hand sides, so each call
+serves several simulations (`LANES`), which advance together.
 
-The functions are ordinary Python: compiled for models that numba can compile, run as they are for others.
+The functions are ordinary Python, and run as such for models that numba cannot compile.
 """
 
 from __future__ import annotations
@@ -27,12 +26,12 @@ from errorscreen.engine.codegen import fingerprint_of, load_generated
 from errorscreen.simulators.ode import effects as ode_effects
 from errorscreen.simulators.ode.effects import DELAY, EQUATION, INPUT, MEMORIES, OUTPUT, SIGNAL, apply_effects
 
-#: simulations that advance side by side
+#: simulations that advance together
 LANES = 16
 
 _MATRIX, _CUBE, _TABLE = types.float64[:, ::1], types.float64[:, :, ::1], types.int64[:, ::1]
-#: of the user's functions, see `user_functions.parallel_map`: time, states, inputs, parameters and what is written, a
-#: row for each simulation; number of the model's own states; first element that is written, and how many; simulations
+#: of the user's functions, see `user_functions.parallel_map`: time; states, inputs, parameters and results, a row for
+#: each simulation; number of the model's own states; first result, and number of results; simulations
 USER = types.void(
     types.float64, _MATRIX, _MATRIX, _MATRIX, _MATRIX, types.int64, types.int64, types.int64, types.int64
 )
@@ -52,32 +51,13 @@ def _drive(
             u[j, m] = inputs[from_step, stage, m]
     if active[INPUT]:
         apply_effects(
-            INPUT,
-            u,
-            0,
-            x,
-            u,
-            t,
-            tau,
-            h,
-            k,
-            begin,
-            n_states,
-            table,
-            owns,
-            q,
-            lane0,
-            lanes,
-            memory,
-            history,
-            dx,
-        )
+            INPUT, u, 0, x, u, t, tau, h, k, begin, n_states, table, owns, q, lane0, lanes, memory, history, dx,
+        )  # fmt: skip
     if n_signals > 0:
         law(t, x, u, p, u, n_states, n, n_signals, lanes)
         if active[SIGNAL]:
             apply_effects(
-                SIGNAL, u, n, x, u, t, tau, h, k, begin, n_states, table, owns, q, lane0, lanes, memory, history,
-                dx,
+                SIGNAL, u, n, x, u, t, tau, h, k, begin, n_states, table, owns, q, lane0, lanes, memory, history, dx,
             )  # fmt: skip
 
 
@@ -89,7 +69,7 @@ def _evaluate(
 ) -> Any:  # fmt: skip
     """Derivatives at the beginning of step k (stage 0), in its middle (1) or at its end (2), with all effects."""
     if stage == 0 and (active[INPUT] or active[SIGNAL]):
-        # bring the memories up to date with what was just before: an input that is held jumps here
+        # bring the memories up to the instant just before: an input that is held jumps here
         before, end = (k - 1, 2) if k > 0 else (0, 0)
         _drive(
             law, t, h, h, k, True, before, end, x, inputs, n_signals, n_states, p, table, owns, q, lane0, lanes,
@@ -105,26 +85,8 @@ def _evaluate(
     rhs(t, x, u, p, dx, n_states, 0, n_states, lanes)
     if active[EQUATION]:
         apply_effects(
-            EQUATION,
-            dx,
-            0,
-            x,
-            u,
-            t,
-            tau,
-            h,
-            k,
-            False,
-            n_states,
-            table,
-            owns,
-            q,
-            lane0,
-            lanes,
-            memory,
-            history,
-            dx,
-        )
+            EQUATION, dx, 0, x, u, t, tau, h, k, False, n_states, table, owns, q, lane0, lanes, memory, history, dx,
+        )  # fmt: skip
 
 
 @register_jitable(forceinline=True)
@@ -132,30 +94,12 @@ def _record(
     readout: Any, t: Any, h: Any, x: Any, u: Any, p: Any, n_states: Any, table: Any, owns: Any, q: Any, lane0: Any,
     lanes: Any, memory: Any, history: Any, g: Any, y: Any, active: Any, alive: Any, out: Any, sample: Any,
 ) -> Any:  # fmt: skip
-    """Outputs at an instant that is recorded, h seconds after the one before."""
+    """Outputs at a recorded instant, h seconds after the one before."""
     readout(t, x, u, p, y, n_states, 0, y.shape[1], lanes)
     if active[OUTPUT]:
         apply_effects(
-            OUTPUT,
-            y,
-            0,
-            x,
-            u,
-            t,
-            h,
-            h,
-            sample,
-            True,
-            n_states,
-            table,
-            owns,
-            q,
-            lane0,
-            lanes,
-            memory,
-            history,
-            g,
-        )
+            OUTPUT, y, 0, x, u, t, h, h, sample, True, n_states, table, owns, q, lane0, lanes, memory, history, g,
+        )  # fmt: skip
     for j in range(lanes):
         if alive[j]:
             for m in range(y.shape[1]):
@@ -166,7 +110,7 @@ def _record(
 def _begin(
     x0: Any, q: Any, table: Any, lane0: Any, lanes: Any, x: Any, f: Any, active: Any, alive: Any
 ) -> Any:
-    """Put simulations to their initial states, and see where effects act on any of them."""
+    """Set initial states, and mark the kinds of places at which effects act."""
     for place in range(active.shape[0]):
         active[place] = False
     for j in range(lanes):
@@ -181,7 +125,7 @@ def _begin(
 
 @register_jitable(forceinline=True)
 def _ended(x0: Any, lane0: Any, lanes: Any, x: Any, alive: Any) -> Any:
-    """Whether no simulation is finite any more; what is not goes on from its initial state, unrecorded."""
+    """Whether no simulation is finite any more; one that is not goes on from its initial state, unrecorded."""
     any_alive = False
     for j in range(lanes):
         total = 0.0
@@ -223,14 +167,14 @@ def integrate(
     every : int
         Outputs are recorded at each `every`-th step.
     out : ndarray of shape (n, R, K // every + 1)
-        Written; what follows a value that is not finite is left as it is.
+        Written, up to a value that is not finite.
     states, flat, u, y, memory, history, active, alive : ndarray
-        Room to work in, see `room`; nothing is allocated here, because counting references would take most of the time.
+        Working memory, see `room`; allocation here would need reference counts, which take most of the time.
     begin, end : int
     """
     steps, nx = inputs.shape[0], x0.shape[1]
     x, w, f, g = states[0], states[1], states[2], states[3]
-    # the same memory, counted through
+    # the same memory in one dimension
     flat_x, flat_w, flat_f, flat_g = flat[0], flat[1], flat[2], flat[3]
     for lane0 in range(begin, end, LANES):
         lanes = min(LANES, end - lane0)
@@ -275,23 +219,9 @@ def integrate(
 def room(
     n_states: int, n_inputs: int, n_outputs: int, table: NDArray[np.int64], steps: int, n: int
 ) -> tuple[NDArray[Any], ...]:
-    """Arrays for `integrate` to work in, one set for each thread.
+    """Working memory of `integrate` for one thread: states, flat, u, y, memory, history, active, alive.
 
-    Parameters
-    ----------
-    n_states, n_inputs, n_outputs : int
-        With states of effects, and with internal signals.
-    table : ndarray of shape (rows, 7), int
-    steps : int
-        Number of steps K.
-    n : int
-        Simulations; at most `LANES` advance side by side.
-
-    Returns
-    -------
-    states, flat, u, y, memory, history, active, alive : ndarray
-        States in four forms that the method needs, as rows and counted through (the same memory); inputs; outputs;
-        memories and past values of effects; where effects act; which simulations are finite.
+    `n_states` counts states of effects, `n_inputs` internal signals, too; `n` is the number of simulations.
     """
     rows, lanes = max(len(table), 1), min(n, LANES)
     past = steps + 1 if (table[:, 0] == DELAY).any() else 1

@@ -1,9 +1,10 @@
-"""What a user's model could lack: its anatomy, found by running it, and the generic effects that fit it."""
+"""Generic effects that fit a user's model, and the table of those that were added."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Protocol
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,189 +18,151 @@ from errorscreen.events import InputSignal
 from errorscreen.exceptions import SimulationError
 from errorscreen.parameters import ParameterSpace
 from errorscreen.simulators.ode.effects import ROW, ROW_CONSTANTS
-from errorscreen.simulators.user_functions import selection
 
 #: templates of dry friction
 _DRY = ("coulomb", "stribeck")
-#: points at which it is tried whether a derivative is another state
+#: points at which a derivative is compared with the other states
 _TRIALS = 8
 
 _Array = NDArray[np.float64]
+_Ranges = dict[str, tuple[float, float]]
 
 
-class Model(Protocol):
-    """What the library asks of an `ODESimulator`."""
+@dataclass(frozen=True)
+class Quantities:
+    """Names of the quantities of a user's model."""
 
     states: tuple[str, ...]
     inputs: tuple[str, ...]
     signals: tuple[str, ...]
-    channels: tuple[str, ...]
-    constants: dict[str, float]
-    event: InputSignal
-    extensions: tuple[Effect, ...]
-    interpolation: str
-    parameters: ParameterSpace
-    _functions: tuple[Any, ...]
-    _n_own: int
+    outputs: tuple[str, ...]
 
-    def acting(self, theta: _Array, event: InputSignal) -> _Array: ...  # noqa: D102
-    def baseline(self) -> _Array: ...  # noqa: D102
-    def pointer(self, function: Any) -> int: ...  # noqa: D102
-    def run(  # noqa: D102
-        self, theta: _Array, event: InputSignal, readout: Any, n_outputs: int, *, each_step: bool = False
-    ) -> tuple[_Array, float, int]: ...
+    @property
+    def readable(self) -> tuple[str, ...]:
+        """States, inputs and internal signals, in the order in which effects count them."""
+        return (*self.states, *self.inputs, *self.signals)
 
 
 def library(
-    simulator: Model,
+    names: Quantities,
     units: Mapping[str, str],
+    event: InputSignal,
+    nominal: Mapping[str, _Array],
+    step: float,
+    baseline: Callable[[], _Array],
+    rhs: Callable[..., Any],
+    p: _Array,
     measurements: Sequence[Observation],
     templates: Iterable[str] | None,
 ) -> tuple[Effect, ...]:
-    """Generic effects of a model, with ranges from a run at its nominal parameters and from what was measured.
+    """Generic effects of a model, with ranges from its nominal run and the measurements.
 
-    Parameters
-    ----------
-    simulator : ODESimulator
-        Complete but for its effects.
-    units : mapping of str to str
-        Of states, inputs, signals and outputs.
-    measurements : sequence of Observation
-    templates : iterable of str, optional
-
-    Raises
-    ------
-    SimulationError
-        If it cannot be simulated at its nominal parameters.
+    `nominal` holds the course of each state, input and signal at the nominal parameters, every `step` seconds during
+    `event`; `baseline` gives the nominal outputs (R, L); `rhs` is the user's function with parameters and constants p;
+    `units` are those of all quantities. `SimulationError` if the nominal run diverges.
     """
-    ranges, step = _ranges(simulator)
+    ranges = _ranges(names, nominal, step, event)
+    ranges |= {name: _range(row) for name, row in zip(names.outputs, baseline(), strict=True)}
     for observation in measurements:
         seen = dict(zip(observation.channels, observation.values, strict=True))
         if isinstance(observation.event, InputSignal):
-            seen |= {name: observation.event.signals[name] for name in simulator.inputs}
+            seen |= {name: observation.event.signals[name] for name in names.inputs}
         for name, row in seen.items():
             if np.isfinite(row).any():
                 low, high = ranges[name]
                 ranges[name] = (min(low, float(np.nanmin(row))), max(high, float(np.nanmax(row))))
-    derivatives = _rates(simulator, ranges)
-    rates = {derivative: state for state, derivative in derivatives.items()}
-    event = simulator.event
+    integrals = _integrals(names, ranges, event, rhs, p)
     anatomy = Anatomy(
-        tuple(name for name in simulator.states if name not in derivatives),
-        simulator.states, rates, simulator.inputs, simulator.signals, simulator.channels, units, ranges,
-        float(event.time[-1] - event.time[0]), event.dt, step,
+        tuple(name for name in names.states if name not in integrals),
+        names.states, {rate: state for state, rate in integrals.items()}, names.inputs, names.signals,
+        names.outputs, units, ranges, float(event.time[-1] - event.time[0]), event.dt, step,
     )  # fmt: skip
     return generic_effects(anatomy, templates)
 
 
 def effect_table(
-    simulator: Model, theta: _Array, event: InputSignal
-) -> tuple[NDArray[np.int64], _Array, _Array, int]:
-    """Rows of the effects that were added, for `ode_kernel.integrate`.
+    names: Quantities, effects: Iterable[Effect], parameters: ParameterSpace, event: InputSignal, held: bool
+) -> tuple[NDArray[np.int64], _Array, list[int], int]:
+    """Table for `errorscreen.simulators.ode.kernel.integrate` with a row for each generic effect.
 
-    Parameters
-    ----------
-    simulator : ODESimulator
-    theta : ndarray of shape (n, m)
-    event : InputSignal
-
-    Returns
-    -------
-    table : ndarray of shape (rows, 7), int
-    owns : ndarray of shape (rows, 4)
-    q : ndarray of shape (n, l)
-        Parameters of the effects.
-    extra : int
-        Number of states that the effects have.
+    `parameters` are those of the extended model; `held` tells whether inputs are held between samples. Returned are the
+    table (rows, 7), its constants (rows, 4), the columns of theta that hold the effects' parameters, and the number of
+    states of the effects.
     """
     rows: list[list[int]] = []
     owns: list[list[float]] = []
     columns: list[int] = []
     extra = 0
-    readable = (*simulator.states, *simulator.inputs, *simulator.signals)
     lists = {
-        "equation": simulator.states,
-        "input": simulator.inputs,
-        "signal": simulator.signals,
-        "output": simulator.channels,
+        "equation": names.states,
+        "input": names.inputs,
+        "signal": names.signals,
+        "output": names.outputs,
     }
     # an event that begins with the record's last sample still leaves an unknown signal a window
     begin = min(event.start, event.time[-1] - event.dt)
-    effects = [e for e in simulator.extensions if isinstance(e, GenericEffect)]
+    generic = [e for e in effects if isinstance(e, GenericEffect)]
     # dry friction balances all that acts beside it, (G10)
-    for effect in sorted(effects, key=lambda e: e.template in _DRY):
+    for effect in sorted(generic, key=lambda e: e.template in _DRY):
         row = {
             "template": NUMBERS[effect.template],
             "place": PLACES.index(effect.acts_on),
             "target": lists[effect.acts_on].index(effect.target),
-            "reads": readable.index(effect.reads) if effect.reads else -1,
-            "into": simulator.states.index(effect.into) if effect.into else -1,
-            "state": len(simulator.states) + extra if effect.states else -1,
+            "reads": names.readable.index(effect.reads) if effect.reads else -1,
+            "into": names.states.index(effect.into) if effect.into else -1,
+            "state": len(names.states) + extra if effect.states else -1,
             "first": len(columns),
         }
-        rows.append([row[name] for name in ROW])
-        held = simulator.interpolation == "hold" and effect.acts_on == "input"
         constants = {
             "size": effect.size,
             "begin": begin,
             "rate": KNOTS**2 / (event.time[-1] - begin),
-            "held": float(held),
+            "held": float(held and effect.acts_on == "input"),
         }
+        rows.append([row[name] for name in ROW])
         owns.append([constants[name] for name in ROW_CONSTANTS])
-        columns += [simulator.parameters.index(effect.local(p.name)) for p in effect.parameters]
+        columns += [parameters.index(effect.local(p.name)) for p in effect.parameters]
         extra += len(effect.states)
     return (
         np.array(rows, dtype=np.int64).reshape(-1, len(ROW)),
         np.array(owns, dtype=float).reshape(-1, len(ROW_CONSTANTS)),
-        np.ascontiguousarray(theta[:, columns]),
+        columns,
         extra,
     )
 
 
-def states_of(simulator: Model, theta: _Array, event: InputSignal) -> dict[str, _Array]:
-    """States on the time axis of an event (L,) by name, for one parameter vector (1, m)."""
-    names = simulator.states
-    readout = simulator.pointer(selection(tuple(range(len(names))), len(names)))
-    out, _, _ = simulator.run(simulator.acting(theta, event), event, readout, len(names))
-    return dict(zip(names, out[0], strict=True))
-
-
-def _ranges(simulator: Model) -> tuple[dict[str, tuple[float, float]], float]:
-    """Smallest and largest value of everything in a nominal run, and its step in seconds."""
-    names = (*simulator.states, *simulator.inputs, *simulator.signals)
-    readout = simulator.pointer(selection(tuple(range(len(names))), len(simulator.states)))
-    nominal = simulator.parameters.nominal[None]
-    out, h, _ = simulator.run(nominal, simulator.event, readout, len(names), each_step=True)
-    if not np.isfinite(out).all():
-        last = int(np.argmin(np.isfinite(out[0]).all(axis=0)))
+def _ranges(names: Quantities, nominal: Mapping[str, _Array], step: float, event: InputSignal) -> _Ranges:
+    """Smallest and largest value of each quantity, and of each state's derivative ``d_...``, in the nominal run."""
+    finite = np.isfinite([nominal[name] for name in names.readable]).all(axis=0)
+    if not finite.all():
         raise SimulationError(
-            f"the model diverges at its nominal parameters, {simulator.event.time[0] + h * last:.4g} s into "
-            f"{simulator.event.name!r}: check the signs in rhs, the nominal values and the initial state, or give a "
+            f"the model diverges at its nominal parameters, {event.time[0] + step * int(np.argmin(finite)):.4g} s "
+            f"into {event.name!r}: check the signs in rhs, the nominal values and the initial state, or give a "
             "smaller step."
         )
-    found = {name: (float(row.min()), float(row.max())) for name, row in zip(names, out[0], strict=True)}
-    for name, row in zip(simulator.states, out[0], strict=False):
-        slope = np.gradient(row, h)
-        found[f"d_{name}"] = (float(slope.min()), float(slope.max()))
-    responses = simulator.baseline()
-    found |= {
-        name: (float(row.min()), float(row.max()))
-        for name, row in zip(simulator.channels, responses, strict=True)
-    }
-    return found, h
+    courses = {**nominal, **{f"d_{name}": np.gradient(nominal[name], step) for name in names.states}}
+    return {name: _range(row) for name, row in courses.items()}
 
 
-def _rates(simulator: Model, ranges: Mapping[str, tuple[float, float]]) -> dict[str, str]:
-    """States that are by definition the derivative of another one, by that one: such an equation lacks nothing."""
+def _range(row: _Array) -> tuple[float, float]:
+    return float(row.min()), float(row.max())
+
+
+def _integrals(
+    names: Quantities,
+    ranges: _Ranges,
+    event: InputSignal,
+    rhs: Callable[..., Any],
+    p: _Array,
+) -> dict[str, str]:
+    """States whose derivative is by definition another state, by that one: such an equation lacks nothing."""
     rng = np.random.default_rng(0)
-    rhs = simulator._functions[0]
-    others = (*simulator.inputs, *simulator.signals)
-    p = np.r_[simulator.parameters.nominal[: simulator._n_own], list(simulator.constants.values())]
-    equal = np.ones((len(simulator.states), len(simulator.states)), dtype=bool)
+    others = (*names.inputs, *names.signals)
+    equal = np.ones((len(names.states), len(names.states)), dtype=bool)
     tried = 0
     for _ in range(_TRIALS):
-        x, u = _drawn(rng, simulator.states, ranges), _drawn(rng, others, ranges)
-        t, dx = float(rng.uniform(*simulator.event.time[[0, -1]])), np.full(len(x), np.nan)
+        x, u = _drawn(rng, names.states, ranges), _drawn(rng, others, ranges)
+        t, dx = float(rng.uniform(*event.time[[0, -1]])), np.full(len(x), np.nan)
         try:
             with np.errstate(all="ignore"):
                 rhs(t, x.copy(), u, p * rng.uniform(0.9, 1.1, len(p)), dx)
@@ -209,13 +172,9 @@ def _rates(simulator: Model, ranges: Mapping[str, tuple[float, float]]) -> dict[
         equal &= dx[:, None] == x[None, :]
     if not tried:
         return {}
-    return {
-        simulator.states[i]: simulator.states[j] for i, j in zip(*np.nonzero(equal), strict=True) if i != j
-    }
+    return {names.states[i]: names.states[j] for i, j in zip(*np.nonzero(equal), strict=True) if i != j}
 
 
-def _drawn(
-    rng: np.random.Generator, names: Sequence[str], ranges: Mapping[str, tuple[float, float]]
-) -> _Array:
-    """Values inside the ranges."""
+def _drawn(rng: np.random.Generator, names: Sequence[str], ranges: _Ranges) -> _Array:
+    """Draw values inside the ranges."""
     return np.array([rng.uniform(low, high + 1e-9) for low, high in (ranges[name] for name in names)])

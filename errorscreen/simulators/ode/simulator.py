@@ -22,12 +22,12 @@ from errorscreen.effects.generic import GenericEffect
 from errorscreen.events import Event, InputSignal
 from errorscreen.exceptions import InputError, check_real, unknown_name
 from errorscreen.parameters import Parameter, ParameterSpace
-from errorscreen.simulators.assembly import measured
+from errorscreen.simulators.assembly import drop_implausible, measured, step_of
 from errorscreen.simulators.base import Responses, Simulator, Status
 from errorscreen.simulators.observations import check_recording
 from errorscreen.simulators.ode import kernel as ode_kernel
 from errorscreen.simulators.ode.initial_states import InitialStates
-from errorscreen.simulators.ode.library import effect_table, library, states_of
+from errorscreen.simulators.ode.library import Quantities, effect_table, library
 from errorscreen.simulators.recent import Recent
 from errorscreen.simulators.signal_records import (
     INTERPOLATIONS,
@@ -46,12 +46,12 @@ from errorscreen.simulators.user_functions import (
     selection,
 )
 
-#: a response beyond this is that of an unstable model, whatever its unit
+#: largest plausible response, whatever its unit
 _PLAUSIBLE = 1e12
 #: simulations that one thread takes at a time
 _SHARE = 16
-#: share of a record that was not fitted from which its initial state is estimated
-_SETTLING = 1.0 / 3.0
+#: share of a record from which its initial state is estimated
+_BEGINNING = 1.0 / 3.0
 
 _Array = NDArray[np.float64]
 
@@ -59,43 +59,43 @@ _Array = NDArray[np.float64]
 class ODESimulator(Simulator):
     r"""A model :math:`\dot x = f(t, x, u, p)` that a user writes as a Python function.
 
-    The function is compiled where numba can compile it; generic effects are rows of a table that the compiled
-    integrator works through, so that trying an effect never compiles anything.
+    Numba compiles the function where it can. Generic effects are rows of a table for the compiled integrator, so a new
+    effect never compiles anything.
 
     Parameters
     ----------
     rhs : callable
         ``rhs(t, x, u, p, dx)`` writes the derivatives of the states x into dx. u holds the inputs, then the internal
-        signals; p the parameters, then the constants. All are arrays in the order in which they are declared.
+        signals; p the parameters, then the constants; each array in the order of declaration.
     states : mapping of str to str, or iterable of str
         Names of the states, and their units.
     parameters : ParameterSpace or iterable of Parameter
-        What is uncertain; may be empty if initial states are to be fitted.
+        Uncertain parameters; may be empty if initial states are fitted.
     recordings : Recording, Observation, InputSignal, or a list of them
-        What will be fitted: gives the default event (the first), the scales of the effects, and a set of initial states
-        to fit for each. Others can be simulated and judged as well.
+        Recordings to fit: they give the default event (the first), the scales of the effects, and a set of initial
+        states for each. Others can be simulated and judged as well.
     inputs : mapping of str to str, or iterable of str
         Names of measured inputs, and their units.
     outputs : mapping of str to str, or iterable of str
         Names of the measured outputs, and their units: states, inputs or signals where `readout` is not given.
     initial : mapping of str to (float, "measured" or Parameter)
-        Initial states: a number; ``"measured"`` for one that is an output, known to its noise; or a parameter, fitted
-        for each recording by itself, with its nominal value as the first guess. Zero where not given.
+        Initial states: a number; ``"measured"`` for an output, known to its noise; or a parameter that is fitted for
+        each recording, with its nominal value as the first guess. Zero where not given.
     readout : callable, optional
         ``readout(t, x, u, p, y)`` writes the outputs into y.
     signals : mapping of str to str, or iterable of str
-        Names of internal signals, and their units, for example what a controller puts out.
+        Names of internal signals, and their units, for example the output of a controller.
     law : callable, optional
-        ``law(t, x, u, p, v)`` writes the internal signals into v. What happens to them on their way (dead band, lag,
-        saturation, ...) can then be found, which closes a loop around it.
+        ``law(t, x, u, p, v)`` writes the internal signals into v. Effects can then act on them (dead band, lag,
+        saturation, ...).
     constants : mapping of str to float
         Known numbers, behind the parameters in p.
     step : float, optional
         Longest step of the integration in seconds; the distance of the samples where not given.
     interpolation : {"linear", "hold", "cubic", "bandlimited"}
-        How inputs go on between their samples.
+        Course of inputs between their samples.
     templates : iterable of str, optional
-        Effects to offer, keys of `errorscreen.effects.generic.TEMPLATES` but ``"latent"``; all where not given.
+        Effects in the library, keys of `errorscreen.effects.generic.TEMPLATES` but ``"latent"``; all where not given.
     effects : iterable of Effect, optional
         The library itself, instead of `templates`.
     compile : bool
@@ -106,8 +106,8 @@ class ODESimulator(Simulator):
     Raises
     ------
     InputError
-        If names are not unique, a function fails or leaves something unset at the nominal parameters, or a recording
-        does not fit.
+        If names are not unique, a function fails or leaves values unset at the nominal parameters, or a recording does
+        not fit.
 
     Warns
     -----
@@ -157,14 +157,15 @@ class ODESimulator(Simulator):
         self.states, of_states = named(states, "states")
         self.inputs, of_inputs = named(inputs, "inputs", empty=True)
         self.signals, of_signals = named(signals, "signals", empty=True)
-        quantities = (*self.states, *self.inputs, *self.signals)
+        self.channels, of_outputs = named(outputs, "outputs")
+        self._names = Quantities(self.states, self.inputs, self.signals, self.channels)
+        quantities = self._names.readable
         if len(set(quantities)) < len(quantities):
             raise InputError("two states, inputs or signals have the same name", allowed="unique names")
         if interpolation not in INTERPOLATIONS:
             raise unknown_name(interpolation, INTERPOLATIONS, kind="interpolation")
         if (law is None) != (not self.signals):
             raise InputError("signals and law are not given together", allowed="both, or none")
-        self.channels, of_outputs = named(outputs, "outputs")
         inside = {**of_states, **of_inputs, **of_signals}
         check_outputs(self.channels, inside, readout is not None)
         self._selected: tuple[int, ...] | None = None
@@ -199,12 +200,15 @@ class ODESimulator(Simulator):
         if effects is None:
             measurements = [item for item in seen if isinstance(item, Observation)]
             units = inside | dict(zip(self.channels, self.units, strict=True))
-            effects = library(self, units, measurements, templates)
+            nominal, h = self._courses(quantities, self.parameters.nominal[None], self.event, each_step=True)
+            p = np.r_[own.nominal, list(self.constants.values())]
+            effects = library(
+                self._names, units, self.event, nominal, h, self.baseline, rhs, p, measurements, templates
+            )
         self.effects = tuple(effects)
 
     def __repr__(self) -> str:
-        added = "".join(f" + {effect.name}" for effect in self.extensions)
-        return f"ODESimulator({', '.join(self.states)}{added}, {len(self.parameters)} parameters)"
+        return self._short(", ".join(self.states))
 
     def __copy__(self) -> ODESimulator:
         """Share machine code with the copy."""
@@ -225,7 +229,7 @@ class ODESimulator(Simulator):
 
     @property
     def threads(self) -> int:
-        """How many threads may simulate at the same time: those of a batch, and one where Python itself simulates."""
+        """Number of threads that may simulate at the same time; 1 where Python simulates."""
         return int(self.n_threads or numba.config.NUMBA_NUM_THREADS) if self._compiled else 1
 
     def settings(self) -> dict[str, Any]:
@@ -243,14 +247,7 @@ class ODESimulator(Simulator):
     def observe(self, recording: Any) -> Observation:
         """Bring a recording onto this model's outputs and a uniform time grid, with its inputs as the event.
 
-        Parameters
-        ----------
-        recording : Recording or Observation
-
-        Raises
-        ------
-        InputError
-            If an input or all outputs are missing, or a unit is another one.
+        A missing input, no output at all, or another unit raises `InputError`.
         """
         if isinstance(recording, Observation):
             return recording
@@ -258,10 +255,9 @@ class ODESimulator(Simulator):
         return signal_observation(recording, self.inputs, self.channels, self.units, self._initial.guesses)
 
     def fit_initial_state(self, observation: Observation) -> Observation:
-        """Return a recording with the initial state that fits the first third of it best.
+        """Return an observation with the initial state that fits its first third best.
 
-        Only initial states that are fitted, or measured, change, and only for recordings whose initial states are not
-        among the parameters.
+        Only fitted and measured initial states change, and only for recordings whose initial states are no parameters.
         """
         event, free = observation.event, self._initial.free
         if not isinstance(event, InputSignal) or not free or self._initial.knows(event):
@@ -269,7 +265,7 @@ class ODESimulator(Simulator):
         low, high = np.array([self._initial.bounds(name, observation) for name in free]).T
         scales = high - low
         guess = np.clip([event.initial[name] for name in free], low, high)
-        keep = max(2, int(np.ceil(_SETTLING * len(event.time))))
+        keep = max(2, int(np.ceil(_BEGINNING * len(event.time))))
         part = observation.mask & (np.arange(len(event.time)) < keep)
         if not part.any():
             return observation
@@ -287,58 +283,41 @@ class ODESimulator(Simulator):
         return replace(observation, event=started(guess + found.x * scales))
 
     def simulate(self, theta: ArrayLike, event: Event | None = None) -> Responses:
-        """Simulate every row of `theta`; see `Simulator.simulate`.
-
-        Parameters
-        ----------
-        theta : array-like of shape (n, m)
-        event : InputSignal, optional
-            `self.event` where not given.
-        """
+        """Simulate every row of `theta`, driven by an `InputSignal`; see `Simulator.simulate`."""
         event = self._driven_by(self.event if event is None else event)
         self._initial.check(event)
         theta = self.acting(self.parameters.validate(theta), event)
-        # effects of the measurement see every step, and not only the instants that are compared
+        # measurement effects need every step, not only the compared instants
         errors = [e for e in self.extensions if e.kind == "measurement" and not isinstance(e, GenericEffect)]
         each_step = any(e.kind == "measurement" for e in self.extensions)
-        out, h, every = self.run(theta, event, self._pointers[2], len(self.channels), each_step)
+        out, h, every = self._integrated(theta, event, self._pointers[2], len(self.channels), each_step)
         if errors:
             values = dict(zip(self.parameters.names, theta.T, strict=True))
             with np.errstate(all="ignore"):
                 out = measured(out, self.channels, errors, values, h)
         if each_step:
             out = out[..., ::every].copy()
-        with np.errstate(invalid="ignore"):
-            well = (np.abs(out) < _PLAUSIBLE).all(axis=(1, 2))
-        out[~well] = np.nan
+        well = drop_implausible(out, _PLAUSIBLE)
         status = np.where(well, Status.OK, Status.DIVERGED)
         return Responses(out, status.astype(np.int64), event.time, self.channels)
 
-    def run(
+    def _integrated(
         self, theta: _Array, event: InputSignal, readout: Any, n_outputs: int, each_step: bool = False
     ) -> tuple[_Array, float, int]:
-        """Integrate with some readout of the states.
-
-        Returns
-        -------
-        out : ndarray of shape (n, n_outputs, L)
-        h : float
-            Step in seconds.
-        every : int
-            Steps between the instants of the event; with `each_step` all of them are in `out`.
-        """
+        """Readout (n, n_outputs, L), step in seconds, and steps between instants; `each_step` reads out all steps."""
         check_steps(event.time[-1] - event.time[0], self.step, "ODESimulator, step")
-        every = max(1, int(np.ceil(event.dt / self.step - 1e-9)))
-        h = event.dt / every
+        h, every = step_of(event, self.step)
         steps, record = every * (len(event.time) - 1), 1 if each_step else every
         x0 = self._initial.values(theta, event)
         p = np.hstack([theta[:, : self._n_own], np.tile(list(self.constants.values()), (len(theta), 1))])
-        table, owns, q, extra = effect_table(self, theta, event)
+        table, owns, columns, extra = effect_table(
+            self._names, self.extensions, self.parameters, event, self.interpolation == "hold"
+        )
         out = np.full((len(theta), n_outputs, steps // record + 1), np.nan)
         arguments = (
-            *self._pointers[:2], readout, np.hstack([x0, np.zeros((len(theta), extra))]), np.ascontiguousarray(p), q,
-            self._injected(event, every), len(self.signals), len(self.states), table, owns, float(event.time[0]), h,
-            record, out,
+            *self._pointers[:2], readout, np.hstack([x0, np.zeros((len(theta), extra))]), np.ascontiguousarray(p),
+            np.ascontiguousarray(theta[:, columns]), self._injected(event, every), len(self.signals),
+            len(self.states), table, owns, float(event.time[0]), h, record, out,
         )  # fmt: skip
         kernel: Any = ode_kernel.compiled() if self._compiled else ode_kernel.integrate
         threads = threads_left(self.threads)
@@ -352,7 +331,7 @@ class ODESimulator(Simulator):
                 kernel(*arguments, *rooms, first, last)
                 return
             for i in range(first, last):
-                # as machine code does: whatever it raises, that simulation has failed, and the others go on
+                # as in machine code, an error fails this simulation only
                 with contextlib.suppress(Exception):
                     kernel(*arguments, *rooms, i, i + 1)
 
@@ -362,22 +341,27 @@ class ODESimulator(Simulator):
 
     def trajectories(self, theta: ArrayLike, event: Event, device: str = "") -> dict[str, _Array]:
         """States on the time axis of an event, see `Simulator.trajectories`."""
-        return states_of(self, self.parameters.validate(theta), self._driven_by(event))
+        event = self._driven_by(event)
+        theta = self.acting(self.parameters.validate(theta), event)
+        return self._courses(self.states, theta, event)[0]
 
-    def pointer(self, function: Function) -> Any:
-        """A further readout, in the form in which `run` takes it."""
-        return compile_all([function], self._compiled)[1][0]
+    def _courses(
+        self, names: Sequence[str], theta: _Array, event: InputSignal, each_step: bool = False
+    ) -> tuple[dict[str, _Array], float]:
+        """First states, inputs and signals of one parameter vector by name, and the step in seconds."""
+        readout = compile_all([selection(tuple(range(len(names))), len(self.states))], self._compiled)[1][0]
+        out, h, _ = self._integrated(theta, event, readout, len(names), each_step)
+        return dict(zip(names, out[0], strict=True)), h
 
     def _injected(self, event: InputSignal, every: int) -> _Array:
-        """Inputs of the integrator."""
-
-        def compute() -> _Array:
-            return between_samples(event, self.inputs, every, self.interpolation)
-
-        return np.asarray(self._recent.get((event,), (every,), compute))
+        return np.asarray(
+            self._recent.get(
+                (event,), (every,), lambda: between_samples(event, self.inputs, every, self.interpolation)
+            )
+        )
 
     def _driven_by(self, event: Event) -> InputSignal:
-        """Return an event if it drives this model."""
+        """Return an event that can drive this model, or raise `InputError`."""
         if not isinstance(event, InputSignal):
             raise InputError(f"a model is not driven by a {type(event).__name__}", allowed="InputSignal")
         for name in self.inputs:
@@ -386,7 +370,7 @@ class ODESimulator(Simulator):
         return event
 
     def _check_functions(self) -> None:
-        """Evaluate the functions once as Python, so that mistakes are found before machine code makes them silent."""
+        """Evaluate the functions once in Python, because machine code hides mistakes."""
         rhs, law, readout = self._functions
         theta = self.parameters.nominal[None]
         x = self._initial.values(theta, self.event)[0]

@@ -1,4 +1,4 @@
-"""Voltage that drives a plant in playback: the recorded one, or the one behind the impedance of the grid."""
+"""Voltage that drives a plant in playback: the recorded one, or that behind the grid's impedance."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from scipy.interpolate import PchipInterpolator
 from errorscreen.events import Playback
 from errorscreen.exceptions import InputError
 
-#: lowest voltage in pu at which P and Q tell the current
+#: lowest voltage in pu at which P and Q give the current
 _DEAD = 0.02
 
 
 def check_impedance(impedance: complex) -> complex:
-    """Return the impedance of a grid that can carry the rated power; anything else raises `InputError`."""
+    """Return the impedance of a grid that can carry the rated power, or raise `InputError`."""
     number = isinstance(impedance, Number) and not isinstance(impedance, bool)
     value = complex(impedance) if number else complex(np.nan)
     if not (value.real >= 0 and value.imag >= 0 and abs(value) <= 1):
@@ -39,13 +39,12 @@ def driving_voltage(
 ) -> NDArray[np.float64]:
     """Real and imaginary part of the driving voltage at every half step, shape (2 * n_steps + 1, 2).
 
-    Magnitude and angle are interpolated, not the components, so that a turning phasor keeps its length; by monotone
-    cubics (F. N. Fritsch and J. Butland, SIAM J. Sci. Stat. Comput. 5, 1984), which follow a smooth signal to a higher
-    order than straight lines and do not overshoot at a step. Behind an impedance the recorded current is the conjugate
-    of (P + jQ) / V.
+    Magnitude and angle are interpolated, not the components, so a turning phasor keeps its length. Monotone cubics
+    (F. N. Fritsch and J. Butland, SIAM J. Sci. Stat. Comput. 5, 1984) have a higher order than straight lines and do
+    not overshoot at a step. Behind an impedance the recorded current is the conjugate of (P + jQ) / V.
 
-    With a `jump`, (first sample, last sample, early), all signals jump between these two samples: just after the first,
-    or just before the last.
+    With a `jump`, (first sample, last sample, early), all signals jump just after the first sample, or just before
+    the last.
     """
     needed = ("V", *(("angle",) if needs_angle else ()), *(("P", "Q") if impedance else ()))
     if not set(needed) <= set(event.signals):
@@ -59,7 +58,7 @@ def driving_voltage(
     values = np.array([event.signals[name] for name in used], dtype=float)
     if interpolation == "linear":
         found = np.array([np.interp(position, samples, row) for row in values])
-    else:  # at once: most of the time goes into preparing each interpolation
+    else:  # together, because preparing each interpolation takes most of the time
         found = np.asarray(PchipInterpolator(samples, values, axis=1)(position))
     if jump is not None:
         first, last, early = jump
@@ -69,11 +68,11 @@ def driving_voltage(
     if impedance:
         if np.abs(V).min() < _DEAD:
             raise InputError(
-                f"the voltage falls to {np.abs(V).min():.2g} pu, where P and Q tell no current, so the voltage behind "
+                f"the voltage falls to {np.abs(V).min():.2g} pu, where P and Q give no current, so the voltage behind "
                 "the impedance is unknown",
                 where=f"event {event.name!r}, grid_impedance",
                 allowed=f"at least {_DEAD:g} pu",
-                remedy="Leave the impedance out: a voltage that is short-circuited is not moved by the plant",
+                remedy="Leave the impedance out: the plant does not move a short-circuited voltage",
             )
         V = V - impedance * np.conj((signals["P"] + 1j * signals["Q"]) / V)
     return np.column_stack([V.real, V.imag])

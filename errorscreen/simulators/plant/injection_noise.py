@@ -1,4 +1,4 @@
-"""How uncertain a recorded response is because of the signals that are injected: their noise, and what lies between."""
+"""Uncertainty of a recorded response from the injected signals: their noise, and their course between samples."""
 
 from __future__ import annotations
 
@@ -18,17 +18,18 @@ from errorscreen.data.signals import scatter
 from errorscreen.events import Playback
 from errorscreen.simulators.plant.playback import input_noise
 
-#: seconds over which the noise of an injected signal is taken together, and the most such blocks in a record
+#: seconds in a block of injected noise, and largest number of blocks in a record
 _BLOCK, _MOST_BLOCKS = 0.08, 96
-#: errors from injected noise that are kept: at least so many standard deviations of the noise as a whole, so many
+#: modes that are kept: least size in standard deviations of the noise, and largest number
 _MATTERS, _MOST_MODES = 0.3, 48
-#: part of a channel's noise that is left at least where the channel is injected as well
+#: least remaining share of a channel's noise where the channel is injected as well
 _LEAST_SHARE = 0.1
-#: a change of the response, rms, by more than this part of its movement and so many times the noise is another response
+#: the response changes its kind where it changes (rms) by more than this share of its movement and so many times the
+#: noise
 _ANOTHER, _LEAST = 0.2, 3.0
-#: a signal jumps where it changes by so many standard deviations of its noise more than beside, and most such jumps
+#: a signal jumps where it changes by so many standard deviations of its noise more than beside; most such jumps
 _JUMP, _MOST_JUMPS = 8.0, 48
-#: standard deviation of what is equally probable anywhere in an interval, as a share of its length
+#: standard deviation of a uniform distribution, as a share of its interval
 _ANYWHERE = 12**-0.5
 #: draws of the noise for its energy; with five, the slope of the energy is known to about a thirtieth
 NOISE_DRAWS = 5
@@ -36,24 +37,16 @@ NOISE_DRAWS = 5
 _Array = NDArray[np.float64]
 #: Response (R, L) to an event, or its change; takes ``interpolation``, ``step`` and ``jump`` by name.
 _Run = Callable[..., _Array]
-#: Shape in time of what one sample of noise does to a signal, and its standard deviation, for each signal.
+#: For each signal, effect of one sample of noise in time, and the noise's standard deviation.
 _Inputs = Mapping[str, tuple[_Array, float]]
 
 
 def noise_left(observation: Observation, errors: _Array, part: NDArray[np.bool_]) -> _Array:
-    """Standard deviation (R,) of the noise that is left in the errors of a simulation.
+    """Standard deviation (R,) of the noise in the errors of a simulation.
 
-    That of a channel itself, or what the errors scatter by before the event where that is more. Where a channel is also
-    injected, its noise moves the simulation as well, and less of it may be left.
-
-    Parameters
-    ----------
-    observation : Observation
-        Its event is a `Playback`.
-    errors : ndarray of shape (R, K)
-        Measured minus simulated before the event.
-    part : ndarray of shape (L,), bool
-        The samples before the event.
+    It is the noise of the channel, or the scatter of the errors before the event where that is larger. Where a channel
+    is also injected, its noise moves the simulation as well, and less of it may remain. `errors` (R, K) are measured
+    minus simulated at the samples before the event, which `part` (L,) marks.
     """
     assert isinstance(observation.event, Playback)
     time, noise = observation.time[part], np.array(observation.noise)
@@ -69,30 +62,29 @@ def noise_left(observation: Observation, errors: _Array, part: NDArray[np.bool_]
 def with_uncertainty(
     observation: Observation, run: _Run, step: float, nominal: _Run, threads: int = 1
 ) -> Observation:
-    """Return an observation with `Observation.extra` and `Observation.modes` as they follow from a model.
+    """Return an observation with `Observation.extra` and `Observation.modes` of a model.
 
-    Where a small change of the input changes what happens (a plant trips that else does not), the responses say nothing
-    about uncertainty and are left out: a model on the edge between them would explain any recording.
+    Where a small change of the input changes the kind of response (a plant trips, or not), the change says nothing
+    about uncertainty and is left out: a model on that edge would explain any recording.
 
     Parameters
     ----------
     observation : Observation
-        Its event is a `Playback`.
     run : callable
         ``run(event, interpolation=..., step=..., jump=...)`` gives the response (R, L) of the model, NaN where it
         fails.
     step : float
-        Longest step of the integration that `run` uses, in seconds.
+        Longest step of `run` in seconds.
     nominal : callable
-        As `run`, of the model that `Observation.noise` was estimated with. What the noise of the injected signals makes
-        of *its* response before the event is part of that noise; with another operating point more of it passes.
+        As `run`, for the model that `Observation.noise` was estimated with. Noise that propagates through that model
+        before the event is already part of it; at another operating point more propagates.
     threads : int
-        How many simulations may run at the same time.
+        Simulations at the same time.
     """
     event = observation.event
     assert isinstance(event, Playback)
     response = run(event)
-    if np.isnan(response).any():  # whoever simulates will be told
+    if np.isnan(response).any():  # the caller sees this failure when it simulates
         return observation
     part = observation.time < event.start - 2.5 * event.dt
     noise = np.asarray(observation.noise)
@@ -100,7 +92,7 @@ def with_uncertainty(
     extra = np.zeros(observation.values.shape)
     for options in ({"interpolation": "linear"}, {"step": 0.5 * step}):
         change = np.abs(changed(event, **options))
-        usual = 3.0 * change[:, part].max(axis=1, initial=0.0)  # what noise alone makes of it
+        usual = 3.0 * change[:, part].max(axis=1, initial=0.0)  # from noise alone
         extra = np.hypot(extra, np.where(change > usual[:, None], change, 0.0))
     extra = np.hypot(extra, _late(observation, part))
     inputs = input_noise(event)
@@ -108,7 +100,7 @@ def with_uncertainty(
     counted = _propagated(_changes(nominal, nominal(event), noise), event, inputs, observation.channels)
     quiet = np.median(counted[:, part], axis=1)[:, None] if part.any() else counted
     extra = np.sqrt(extra**2 + np.maximum(propagated - quiet, 0.0))
-    # where less passes than was counted, as through a filter, less noise is expected
+    # where less noise propagates than was counted, as through a filter, less is expected
     less = np.median((counted - propagated)[:, part], axis=1) if part.any() else np.zeros(len(noise))
     own = np.sqrt(np.maximum(noise**2 - np.maximum(less, 0.0), (_LEAST_SHARE * noise) ** 2))
     modes = _modes(changed, event, inputs, own, step, threads)
@@ -118,21 +110,20 @@ def with_uncertainty(
 
 
 def propagated_energy(observation: Observation, run: _Run) -> _Array:
-    """Energy of what each of some draws of the noise of the injected signals makes, in squared deviations.
+    """Energy of the propagated noise in squared deviations, for draws of the injected signals' noise.
 
-    The draws are the same for all rows and at every call, so that the energy follows parameters smoothly.
+    The draws are the same for all rows and calls, so the energy is a smooth function of the parameters.
 
     Parameters
     ----------
     observation : Observation
-        Its event is a `Playback`.
     run : callable
         ``run(event)`` gives responses (n, R, L), NaN where they fail.
 
     Returns
     -------
     ndarray of shape (NOISE_DRAWS, n, R)
-        NaN where another response comes out.
+        NaN where the response changes its kind.
     """
     event = observation.event
     assert isinstance(event, Playback)
@@ -152,7 +143,7 @@ def propagated_energy(observation: Observation, run: _Run) -> _Array:
             _same_response(c, y, np.asarray(observation.noise))
             for c, y in zip(changes, response, strict=True)
         ]
-        for name in added.keys() & observation.channels:  # what is compared too moves both sides
+        for name in added.keys() & observation.channels:  # a compared channel moves both sides
             changes[:, observation.channels.index(name)] -= added[name]
         energy = np.nansum(observation.deviations(observation.values + changes) ** 2, axis=-1)
         found.append(np.where(np.array(same)[:, None], energy, np.nan))
@@ -160,21 +151,21 @@ def propagated_energy(observation: Observation, run: _Run) -> _Array:
 
 
 def typical(energies: _Array) -> _Array:
-    """Median over draws that count, NaN without any: in a single draw a limiter may act that otherwise rests."""
+    """Median over draws that are not NaN, because a limiter may act in a single draw; NaN without any."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # of rows without any
+        warnings.simplefilter("ignore", RuntimeWarning)  # rows without any draw
         return np.asarray(np.nanmedian(energies, axis=0))
 
 
 def _same_response(change: _Array, response: _Array, noise: _Array) -> bool:
-    """Whether a change (R, L) of a response is small: else another response comes out. False for NaN."""
+    """Whether a change (R, L) leaves the kind of response as it is; False for NaN."""
     movement = np.sqrt(np.mean((response - response[:, :1]) ** 2, axis=1))
     most = np.maximum(_ANOTHER * movement, _LEAST * noise)
     return bool((np.sqrt(np.mean(change**2, axis=1)) <= most).all())
 
 
 def _changes(run: _Run, response: _Array, noise: _Array) -> _Run:
-    """Changes of a model's response to its event, 0 where it fails or another response comes out."""
+    """Changes of a model's response; 0 where it fails or changes its kind."""
 
     def changed(event: Playback, **options: Any) -> _Array:
         change = run(event, **options) - response
@@ -184,13 +175,12 @@ def _changes(run: _Run, response: _Array, noise: _Array) -> _Run:
 
 
 def _propagated(changed: _Run, event: Playback, inputs: _Inputs, channels: tuple[str, ...]) -> _Array:
-    """Variance (R, L) of what the noise of the injected signals makes of the error at once.
+    """Variance (R, L) of the error from injected noise that propagates without delay.
 
-    A signal that is moved up and down for two samples each leaves slow dynamics at rest, so that two simulations show
-    at every sample how much of its noise passes through the device there. Of white noise that is read between two
-    samples, a part f after the first, 1 − 2 f (1 − f) of the variance is left, and as much of the two courses together;
-    of a course that changes from sample to sample it would be (1 − 2 f)². The noise of a signal that is also compared
-    moves both sides.
+    A signal that moves up and down for two samples each leaves slow dynamics as they are, so two simulations show at
+    every sample how much noise propagates. Of white noise that is read between two samples, a share f after the first,
+    1 − 2 f (1 − f) of the variance remains, and the same of the two courses together; of a course that changes from
+    sample to sample (1 − 2 f)² would remain. The noise of a signal that is also compared moves both sides.
     """
     samples = np.arange(len(event.time))
     total = np.zeros((len(channels), len(event.time)))
@@ -209,11 +199,11 @@ def _propagated(changed: _Run, event: Playback, inputs: _Inputs, channels: tuple
 def _modes(
     changed: _Run, event: Playback, inputs: _Inputs, noise: _Array, step: float, threads: int
 ) -> _Array:
-    """Slow errors (K, R, L) that noise and unknown instants of the injected signals make behind the model's dynamics.
+    """Slow errors (K, R, L) from the noise and the unknown instants of the injected signals.
 
-    White noise over a block of samples acts on slow dynamics as their sum does, so each block is moved as a whole by
-    what its sum scatters, and what follows after the block is kept: what passes at once is white and part of `noise`.
-    Principal components that matter against the noise are returned.
+    White noise over a block of samples acts on slow dynamics like its sum, so each block moves as a whole by the
+    standard deviation of its sum. The change after the block is kept: the change within it is white and part of
+    `noise`. Returned are the principal components that matter against the noise.
     """
     length = len(event.time)
     width = max(1, round(_BLOCK / event.dt), -(-length // _MOST_BLOCKS))
@@ -247,10 +237,10 @@ def _modes(
 
 
 def _late(observation: Observation, part: NDArray[np.bool_]) -> _Array:
-    """Standard deviation (R, L) of readings that a meter holds, because it is unknown how old they are.
+    """Standard deviation (R, L) of readings that a meter holds, because their age is unknown.
 
-    A held reading may show any value that the channel has had for as long as it is held; so may the reading of the
-    injected voltage, which makes the response early.
+    A held reading may be any value that the channel had while it was held. The same holds for the injected voltage,
+    whose age makes the response early.
     """
     event = observation.event
     assert isinstance(event, Playback)
@@ -263,7 +253,7 @@ def _late(observation: Observation, part: NDArray[np.bool_]) -> _Array:
         if known.any():
             filled = np.interp(event.time, event.time[known], values[known])
             spread = maximum_filter1d(filled, size) - minimum_filter1d(filled, size)
-            usual = spread[part].max(initial=0.0)  # what noise alone makes of it
+            usual = spread[part].max(initial=0.0)  # from noise alone
             out[r] = _ANYWHERE * np.where(spread > usual, spread, 0.0)
     return out
 
@@ -271,8 +261,8 @@ def _late(observation: Observation, part: NDArray[np.bool_]) -> _Array:
 def _jumps(event: Playback, inputs: _Inputs) -> list[tuple[int, int]]:
     """First and last sample of intervals in which a signal jumps, the largest jumps first.
 
-    Where a signal changes from one sample to the next, as at a fault, and moves little before and after, it may have
-    done so at any instant between them. Where readings are held, it may have done so while they were held.
+    A signal that changes between two samples, as at a fault, and moves little before and after, may have jumped at any
+    instant between them; where readings are held, at any instant while they were held.
     """
     width = max(1, round(event.age / event.dt))
     if not inputs or len(event.time) <= 3 * width:
@@ -290,5 +280,4 @@ def _jumps(event: Playback, inputs: _Inputs) -> list[tuple[int, int]]:
 
 
 def _moved(event: Playback, name: str, change: _Array) -> Playback:
-    """Return the event with one signal changed."""
     return replace(event, signals={**event.signals, name: event.signals[name] + change})

@@ -1,4 +1,4 @@
-"""From a recording to what is injected at a terminal and compared with: the recorded voltage and power."""
+"""From a recording to the injected signals at a terminal and the channels to compare with."""
 
 from __future__ import annotations
 
@@ -16,10 +16,9 @@ from errorscreen.data.signals import scatter
 from errorscreen.events import Playback
 from errorscreen.exceptions import DataWarning, InputError
 
-#: In pu. A plant that gives less rests, or its P is on a base that is a hundred times too large; one that gives more
-#: than twice its rating has a wrong unit or base.
+#: plausible P in pu: less is a plant out of service, or a base a hundred times too large; more is a wrong unit or base
 LEAST_P, MOST_P = 0.01, 2.0
-#: Q of at least this (pu) and this part of P is a power factor under 0.55: no plant runs so for long.
+#: Q of at least this (pu) and this part of P is a power factor below 0.55, which no plant has for long
 LARGE_Q, Q_OVER_P = 0.3, 1.5
 
 
@@ -34,39 +33,24 @@ def playback_observation(
 ) -> Observation:
     r"""Voltage to inject and channels to compare with, on one uniform grid.
 
-    The angle is taken in a frame that rotates at the mean pre-event frequency, because the device is started at an
-    equilibrium: the straight line through the angle's quiet part is removed. Where only the frequency was recorded, the
-    angle is its integral, :math:`\theta = 2\pi\int (f - f_{pre})\,dt`. Short gaps of the voltage are interpolated,
-    longer ones (`errorscreen.data.resampling.SHORT_GAP`) only before the event, and nothing is compared there.
+    The device starts at an equilibrium, so the angle is taken in a frame that rotates at the mean pre-event frequency:
+    the straight line through its quiet part is removed. Where only the frequency was recorded, the angle is its
+    integral, :math:`\theta = 2\pi\int (f - f_{pre})\,dt`. Short gaps of the voltage are interpolated, longer ones
+    (`errorscreen.data.resampling.SHORT_GAP`) only before the event, and nothing is compared there.
 
-    Parameters
-    ----------
-    recording : Recording
-    channels : tuple of str
-        Names of the R channels to compare with; one that was not recorded is all NaN.
-    dt : float, optional
-        Step of the grid in seconds; the recording's median sample distance where not given.
-    needs_angle : bool
-        Whether the device's response depends on the angle.
-    grid_impedance : complex
-        In pu. Where it is not 0, the recorded P and Q are injected beside the voltage.
-    operating_point : mapping of str to float, optional
-        Pre-event ``"P"`` or ``"Q"`` in pu, needed for what was not recorded.
-
-    Returns
-    -------
-    Observation
+    See `PlantSimulator` for the arguments. A channel that was not recorded is all NaN. With an impedance, the recorded
+    P and Q are injected as well.
 
     Raises
     ------
     InputError
-        If the voltage was not recorded or has a long gap in the event, or the angle is needed and neither angle nor
-        frequency was recorded, or P or Q was not recorded and there is an impedance, or an operating point is unknown.
+        If a needed signal (voltage; angle or frequency; P and Q with an impedance) was not recorded, the voltage has a
+        long gap in the event, or the operating point is unknown.
 
     Warns
     -----
     DataWarning
-        If the operating point is unlike a generator's: a wrong sign, base or column would explain it.
+        If the operating point is implausible for a generator: the sign, base or column may be wrong.
     """
     where = f"recording {recording.name!r}"
     if "V" not in recording.channels:
@@ -83,7 +67,7 @@ def playback_observation(
     unknown = np.zeros(len(time), dtype=bool)
     signals = {"V": _filled(source, "V", unknown, notes)}
     power = ["P", "Q"] if grid_impedance else []
-    # behind an impedance an angle counts for every device that there is one for, as a phase-locked loop follows it
+    # behind an impedance a recorded angle counts for every device, as a phase-locked loop follows it
     needs_angle = needs_angle or bool(power and {"angle", "f"} & set(source.channels))
     if needs_angle:
         signals["angle"] = _angle(source, quiet, unknown, notes, where)
@@ -121,7 +105,7 @@ def playback_observation(
     values[:, unknown] = np.nan
     angle = ["angle" if "angle" in source.channels else "f"] if needs_angle else []
     injected = {name: float(source.channels[name].noise) for name in ("V", *angle)}
-    # a stated noise of P and Q may stand for more than what scatters, and only that moves the voltage behind
+    # a given noise of P and Q may cover more than scatter, and only scatter moves the voltage behind the impedance
     injected |= {
         name: min(
             float(source.channels[name].noise), scatter(time[quiet], source.channels[name].values[quiet])
@@ -135,13 +119,9 @@ def playback_observation(
 
 
 def input_noise(event: Playback) -> dict[str, tuple[NDArray[np.float64], float]]:
-    """Noise of each injected signal.
+    """Noise of each injected signal: effect of one sample of noise in time, and its standard deviation.
 
-    Returns
-    -------
-    dict of str to (ndarray, float)
-        For each signal of the event what the noise of one sample adds to it from that sample on (a single value, or a
-        step where the angle is the integral of the frequency), and its standard deviation.
+    The effect is a single value, or a step where the angle is the integral of the frequency.
     """
     found = {name: (np.ones(1), sigma) for name, sigma in event.noise.items() if name != "f"}
     if "f" in event.noise:
@@ -150,7 +130,7 @@ def input_noise(event: Playback) -> dict[str, tuple[NDArray[np.float64], float]]
 
 
 def _warn_implausible(P: float, Q: float, where: str) -> list[str]:
-    """Sentences, also warned of, on an operating point that a generator rarely has but a wrong column often."""
+    """Warn of an operating point that is rare for a generator but common for a wrong column; return the sentences."""
     notes = []
     if abs(P) < LEAST_P:
         notes.append(f"P before the event is only {P:.2g} pu: check its unit and base_mva.")
@@ -163,7 +143,7 @@ def _warn_implausible(P: float, Q: float, where: str) -> list[str]:
             f"Q before the event is {Q:.3g} pu and P {P:.3g} pu: check that they are not interchanged."
         )
     for note in notes:
-        # the same place for every caller, so that the note is shown once in a run
+        # from the same place for every caller, so that Python shows it once in a run
         warnings.warn(f"{where}: {note}", DataWarning, stacklevel=2)
     return [Doubt(note) for note in notes]
 
@@ -171,7 +151,7 @@ def _warn_implausible(P: float, Q: float, where: str) -> list[str]:
 def _filled(
     recording: Recording, name: str, unknown: NDArray[np.bool_], notes: list[str]
 ) -> NDArray[np.float64]:
-    """Channel without gaps: what is injected must be known at every instant; long gaps are marked in `unknown`."""
+    """Channel without gaps, as an injected signal must be; long gaps are marked in `unknown`."""
     time, values = recording.time, recording.channels[name].values
     known = np.isfinite(values)
     if known.all():
@@ -184,8 +164,8 @@ def _filled(
             continue
         if stop > recording.event_time:
             raise InputError(
-                f"{name} was not recorded from {start:g} to {stop:g} s, so it is unknown what drove the device in the "
-                "event",
+                f"{name} was not recorded from {start:g} to {stop:g} s, so the input of the device in the event is "
+                "unknown",
                 where=f"recording {recording.name!r}",
                 allowed=f"gaps of at most {resampling.SHORT_GAP * usual:.3g} s from the event on",
                 remedy="End the window before the gap (t_end), or use another recording"
@@ -202,7 +182,6 @@ def _filled(
 def _power(
     recording: Recording, unknown: NDArray[np.bool_], notes: list[str], where: str
 ) -> dict[str, NDArray[np.float64]]:
-    """Recorded P and Q without gaps."""
     for name in ("P", "Q"):
         if name not in recording.channels or not np.isfinite(recording.channels[name].values).any():
             raise InputError(
@@ -221,9 +200,8 @@ def _angle(
     time = recording.time
     if "angle" in recording.channels:
         angle = _filled(recording, "angle", unknown, notes)
-        slope, offset = (
-            np.polyfit(time[quiet], angle[quiet], 1) if quiet.sum() > 1 else (0.0, angle[quiet].mean())
-        )
+        one = quiet.sum() <= 1
+        slope, offset = (0.0, angle[quiet].mean()) if one else np.polyfit(time[quiet], angle[quiet], 1)
         notes.append(
             "The angle is taken against a frame of the mean pre-event frequency, "
             f"{recording.f_nominal + slope / (2 * np.pi):.4f} Hz."

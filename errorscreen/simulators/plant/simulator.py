@@ -15,18 +15,20 @@ from errorscreen.data.recordings import Recording
 from errorscreen.data.resampling import check_steps
 from errorscreen.data.signals import correlation_time
 from errorscreen.effects import Effect, common_skew, effects_of, measurement_effects
-from errorscreen.engine import Engine, ReferenceEngine
+from errorscreen.engine.kernels import new_engine
 from errorscreen.events import Event, Playback
 from errorscreen.exceptions import InputError, unknown_name
 from errorscreen.models import DEVICES, Device
 from errorscreen.parameters import ParameterSpace
 from errorscreen.simulators.assembly import (
-    INSIDE,
     Prepared,
     assemble,
+    drop_implausible,
+    inside,
     measured,
     start_effects,
     starting,
+    step_of,
     switched_off,
 )
 from errorscreen.simulators.base import Responses, Simulator, Status
@@ -43,40 +45,39 @@ _PLAUSIBLE = 1e3
 class PlantSimulator(Simulator):
     """Active and reactive power of one device at the voltage that was recorded at its terminal.
 
-    This is how plant models are validated in the field, because no model of the grid is needed. Every parameter
-    vector starts at its own exact equilibrium of the recorded pre-event voltage and power.
+    Plant models are validated in the field like this, because no model of the grid is needed. Every parameter vector
+    starts at its own exact equilibrium for the recorded pre-event voltage and power.
 
     Parameters
     ----------
     device : Device or str
         A device or its name: ``"synchronous_machine"``, ``"dfig_plant"``, ``"pv_plant"``.
     recording : Recording, Observation or Playback
-        Gives the default event, and the channels where `channels` is not given.
+        Gives the default event, and the channels where `channels` is not given. Nothing is simulated.
     parameters : ParameterSpace, optional
-        Candidate parameters, a subset of the device's in any order, with their nominal values and bounds;
-        those left out stay at the device's typical value. All of the device's own where not given.
+        Candidate parameters, a subset of the device's in any order; the others keep the device's typical values. All
+        of the device's where not given.
     constants : mapping of str to float, optional
         Values of the device's other constants. The nominal frequency ``f0`` is that of the recording.
     channels : iterable of str, optional
-        Of ``"P"``, ``"Q"``; those that were recorded where not given.
+        Of ``"P"``, ``"Q"``; the recorded ones where not given.
     step : float
         Longest step of the integration in seconds; the step used divides the step of the time axis.
     dt : float, optional
-        Step of the time axis on which recordings are compared; their median sample distance where not given.
+        Step of the time axis for recordings; their median sample distance where not given.
     operating_point : mapping of str to float, optional
-        Pre-event ``"P"`` or ``"Q"`` in pu, for what was not recorded.
+        Pre-event ``"P"`` or ``"Q"`` in pu where it was not recorded.
     grid_impedance : complex, default 0
-        R + jX of the grid as the terminal sees it, in pu of the device's base. The recorded voltage holds what the
-        plant itself moved. Where it is known how much that is, the plant is driven by the voltage behind the impedance,
-        :math:`E = V_{rec} - Z I_{rec}`, and its own current moves the terminal, :math:`V = E + Z I`: a simulation
-        that agrees with the recording then sees the recorded voltage. P and Q must be recorded, and are taken as
-        true: there are no measurement effects. With 0 the recorded voltage is imposed.
+        R + jX of the grid at the terminal, in pu of the device's base. With 0 the recorded voltage is imposed. Else
+        the plant is driven by the voltage behind the impedance, :math:`E = V_{rec} - Z I_{rec}`, and its own current
+        moves the terminal, :math:`V = E + Z I`. P and Q must be recorded and count as true: there are no measurement
+        effects.
     effects : iterable of Effect, optional
-        Library compiled in; the device's own library where not given.
+        Library that is compiled in; that of the device where not given.
     n_threads : int, optional
-        Threads of the engine; numba's setting where not given. The result does not depend on it.
+        Numba's setting where not given. The result does not depend on it.
     engine : {"compiled", "numpy"}
-        ``"numpy"`` is the slow reference path of the same equations.
+        ``"numpy"`` is the slow reference of the same equations.
 
     Examples
     --------
@@ -112,9 +113,6 @@ class PlantSimulator(Simulator):
             raise InputError(
                 f"the step is {step}", where="PlantSimulator", allowed="a positive number of seconds"
             )
-        engines = {"compiled": Engine, "numpy": ReferenceEngine}
-        if engine not in engines:
-            raise unknown_name(engine, engines, kind="engine")
         self.device = device
         self.parameters = device.candidates if parameters is None else parameters
         for name in self.parameters.names:
@@ -136,7 +134,7 @@ class PlantSimulator(Simulator):
         self.effects = tuple(effects)
         self._off = switched_off(self.effects)
         wrong = [effect.name for effect in self.effects if self._behind and effect.kind == "measurement"]
-        if wrong:  # what is recorded wrongly would give a wrong voltage behind the impedance
+        if wrong:  # a wrong power gives a wrong voltage behind the impedance
             raise InputError(
                 f"the effects {', '.join(wrong)} distort the power that the voltage behind the impedance follows from",
                 where="PlantSimulator, grid_impedance",
@@ -145,27 +143,29 @@ class PlantSimulator(Simulator):
             )
         self.step, self.dt = step, dt
         self.operating_point = dict(operating_point or {})
-        self._recent = Recent()
-        self._engine = engines[engine](assemble(device, self.effects, self._behind), n_threads)
+        self._recent, self._observed = Recent(), Recent()
+        self._engine = new_engine(engine, assemble(device, self.effects, self._behind), n_threads)
         self.channels = _channels(recording, channels, device.outputs)
         self.units = ("pu",) * len(self.channels)
-        self.event = recording if isinstance(recording, Playback) else self.observe(recording).event
+        if not isinstance(recording, Playback | Observation):  # the event does not depend on uncertainty
+            recording = self._without_uncertainty(check_recording(recording))
+        self.event = recording.event if isinstance(recording, Observation) else recording
 
     def __repr__(self) -> str:
-        added = "".join(f" + {effect.name}" for effect in self.extensions)
-        return f"PlantSimulator({self.device.name}{added}, {len(self.parameters)} parameters)"
+        return self._short(self.device.name)
 
     def observe(self, recording: Any) -> Observation:
         """Bring a recording onto this simulator's channels, units (pu) and time grid.
 
-        Three uncertainties are added to the noise of the channels themselves. The noise of the injected voltage
-        passes through the device, and a stiff device amplifies it: where simulation and measurement differ by more
-        before the event, that is the noise. (Behind an impedance P and Q are injected as well, and simulation and
-        measurement may differ by less.) The level from which the simulation starts is a mean of noisy samples
-        (`Observation.level_std`). And the voltage is not known between its samples, nor is the integration exact:
-        where another interpolation or half the step changes the nominal response by more than noise does, that
-        change counts as uncertain (`Observation.extra`). `with_uncertainty` adds what passes through the device
-        where other parameters give it another operating point.
+        The result is kept for each recording, because its uncertainty takes many nominal simulations:
+
+        - The noise of the injected voltage propagates through the device, and a stiff device amplifies it. Where
+          simulation and measurement differ by more than the channel's noise before the event, that difference is the
+          noise. Behind an impedance P and Q are injected as well, and the difference may be smaller.
+        - The simulation starts from a level that is a mean of noisy samples (`Observation.level_std`).
+        - The voltage between its samples is unknown, and the integration is not exact. Where another interpolation
+          or half the step changes the response by more than noise does, that change is uncertain
+          (`Observation.extra`).
 
         Parameters
         ----------
@@ -178,8 +178,14 @@ class PlantSimulator(Simulator):
         """
         if isinstance(recording, Observation):
             return recording
-        recording = check_recording(recording)
-        observation = playback_observation(
+        known = (check_recording(recording), self.parameters, self.extensions)
+        observation: Observation = self._observed.get(
+            known, (self.step,), lambda: self._with_noise(self._without_uncertainty(recording), recording)
+        )
+        return observation
+
+    def _without_uncertainty(self, recording: Recording) -> Observation:
+        return playback_observation(
             recording,
             self.channels,
             dt=self.dt,
@@ -187,11 +193,10 @@ class PlantSimulator(Simulator):
             grid_impedance=self.grid_impedance,
             operating_point=self.operating_point,
         )
-        return self._with_uncertainty(observation, recording)
 
     @property
     def threads(self) -> int:
-        """How many threads may simulate at the same time: as many as share the simulations of a batch."""
+        """Number of threads that may simulate at the same time: the threads of a batch."""
         return self._engine.threads
 
     def settings(self) -> dict[str, Any]:
@@ -204,14 +209,7 @@ class PlantSimulator(Simulator):
         }
 
     def simulate(self, theta: ArrayLike, event: Event | None = None) -> Responses:
-        """Simulate every row of `theta`; see `Simulator.simulate`.
-
-        Parameters
-        ----------
-        theta : array-like of shape (n, m)
-        event : Playback, optional
-            `self.event` where not given.
-        """
+        """Simulate every row of `theta`, driven by a `Playback`; see `Simulator.simulate`."""
         event = self.event if event is None else event
         if not isinstance(event, Playback):
             raise InputError(f"a plant cannot be driven by a {type(event).__name__}", allowed="Playback")
@@ -228,7 +226,7 @@ class PlantSimulator(Simulator):
         """Simulate with a given interpolation of the voltage, longest step, and jump (see `driving_voltage`)."""
         theta = self.parameters.validate(theta)
         x0, constants, start, values, h, every = self._prepared(theta, event, step or self.step)
-        # a measurement sees every step, and not only the instants that are compared
+        # a measurement effect needs every step, not only the compared instants
         acting = self._present(event)
         distorted = any(effect.kind == "measurement" for effect in acting)
         record = 1 if distorted else every
@@ -242,9 +240,7 @@ class PlantSimulator(Simulator):
                 out[start] = self._engine.integrate(x0[start], constants[start], injected, h=h, every=record)
         if distorted:
             out = measured(out, self.device.outputs, acting, values, h)[..., ::every]
-        with np.errstate(invalid="ignore"):
-            well = (out.max(axis=(1, 2)) < _PLAUSIBLE) & (out.min(axis=(1, 2)) > -_PLAUSIBLE)
-        out[~well] = np.nan
+        well = drop_implausible(out, _PLAUSIBLE)
         status = np.where(start, np.where(well, Status.OK, Status.DIVERGED), Status.NO_EQUILIBRIUM)
         rows = [self.device.outputs.index(name) for name in self.channels]
         return Responses(out[:, rows], status.astype(np.int64), event.time, self.channels)
@@ -263,10 +259,9 @@ class PlantSimulator(Simulator):
         return dict(zip(self.device.states, out[0], strict=True))
 
     def _prepared(self, theta: NDArray[np.float64], event: Playback, step: float) -> Prepared:
-        """What a simulation needs to begin, see `Prepared`."""
+        """Start of each simulation, see `Prepared`."""
         check_steps(event.time[-1] - event.time[0], step, "PlantSimulator, step")
-        every = max(1, int(np.ceil(event.dt / step - 1e-9)))
-        h = event.dt / every
+        h, every = step_of(event, step)
         values = self._values(theta, event)
         with np.errstate(all="ignore"):  # an absurd parameter shows in `feasible`
             states, setpoints, feasible = self.device.initialise(values)
@@ -274,11 +269,11 @@ class PlantSimulator(Simulator):
         if self._behind:
             values |= {state: values[name] for state, name in self.device.interface.states}
         values |= {name: np.full(len(theta), t - event.time[0]) for name, t in _instants(event).items()}
-        values |= start_effects(self._inside, values, lambda effect: values, h)
+        values |= start_effects(inside(self.effects), values, lambda effect: values, h)
         return *starting(self._engine.model, values, feasible, len(theta)), values, h, every
 
     def _injected(self, event: Playback, every: int, *between: Any) -> NDArray[np.float64]:
-        """Input of the engine; interpolation and jump say what lies between the samples."""
+        """Input of the engine, see `driving_voltage`."""
 
         def compute() -> NDArray[np.float64]:
             return driving_voltage(event, every, self.device.needs_angle, self.grid_impedance, *between)
@@ -286,19 +281,20 @@ class PlantSimulator(Simulator):
         return np.asarray(self._recent.get((event,), (every, *between), compute))
 
     @one_blas_thread
-    def _with_uncertainty(self, observation: Observation, recording: Recording) -> Observation:
+    def _with_noise(self, observation: Observation, recording: Recording) -> Observation:
+        """Add the uncertainties that `observe` describes."""
         quiet = recording.quiet
         event, nominal = observation.event, self.parameters.nominal
         assert isinstance(event, Playback)
         responses = self.simulate(nominal, event)
-        if not responses.ok.all():  # whoever simulates will be told
+        if not responses.ok.all():  # the caller sees this failure when it simulates
             return observation
         part = (observation.time >= quiet[0]) & (observation.time <= quiet[1])
         errors = (observation.values - responses.values[0])[:, part]
         noise = noise_left(observation, errors, part)
         notes = [
-            f"The noise of {name} is taken as {new:.2g} instead of {old:.2g} pu, because the noise of what is injected "
-            "passes through the device."
+            f"The noise of {name} is taken as {new:.2g} instead of {old:.2g} pu, because the noise of the injected "
+            "signals passes through the device."
             for name, new, old in zip(self.channels, noise, observation.noise, strict=True)
             if not old / 1.1 <= new <= 1.1 * old
         ]
@@ -320,7 +316,7 @@ class PlantSimulator(Simulator):
     def with_uncertainty(
         self, observation: Observation, theta: ArrayLike, estimated: ArrayLike | None = None
     ) -> Observation:
-        """Uncertainty of a recording if `theta` are the true parameters; see `Simulator.with_uncertainty`."""
+        """Return an observation with the uncertainty for `theta`; see `Simulator.with_uncertainty`."""
         before = self.parameters.nominal if estimated is None else estimated
 
         def run_of(values: ArrayLike) -> Callable[..., NDArray[np.float64]]:
@@ -329,7 +325,7 @@ class PlantSimulator(Simulator):
         return with_uncertainty(observation, run_of(theta), self.step, run_of(before), self.threads)
 
     def propagated_noise(self, observation: Observation, theta: ArrayLike) -> NDArray[np.float64]:
-        """Energy of what the noise of the injected signals makes; see `Simulator.propagated_noise`."""
+        """Energy of the propagated noise; see `Simulator.propagated_noise`."""
         return propagated_energy(observation, lambda event: self._run(theta, event).values)
 
     def _values(self, theta: NDArray[np.float64], event: Playback) -> dict[str, NDArray[np.float64]]:
@@ -346,22 +342,17 @@ class PlantSimulator(Simulator):
                 values[effect.channel] = effect.recorded(values[effect.channel], *own)
         return values | {"angle": 0.0 * one}
 
-    @property
-    def _inside(self) -> tuple[Effect, ...]:
-        """Effects that are compiled in."""
-        return tuple(effect for effect in self.effects if effect.kind in INSIDE)
-
 
 def _instants(event: Playback) -> dict[str, float]:
-    """When the event begins and the record ends, in seconds, for effects that depend on time."""
-    # an event without a disturbance before its end still leaves a latent input a window of one sample
+    """Begin of the event and end of the record in seconds, for effects that depend on time."""
+    # without a disturbance before the end, an unknown input still has a window of one sample
     return {"t_event": min(event.start, event.time[-1] - event.dt), "t_stop": event.time[-1]}
 
 
 def _with_frequency(
     values: dict[str, float], recording: Any, given: Mapping[str, float] | None
 ) -> dict[str, float]:
-    """Constants with the nominal frequency of the recording, which a stated one must not contradict."""
+    """Constants with the recording's nominal frequency, which a given one must equal."""
     if "f0" not in values or not isinstance(recording, Recording):
         return values
     stated = (given or {}).get("f0", recording.f_nominal)
@@ -376,7 +367,6 @@ def _with_frequency(
 
 
 def _channels(recording: Any, channels: Iterable[str] | None, outputs: tuple[str, ...]) -> tuple[str, ...]:
-    """Names of the observed channels."""
     if channels is not None:
         channels = tuple(channels)
         for name in channels:

@@ -110,7 +110,7 @@ def test_contract():
 
 def test_every_parameter_vector_rests_at_its_own_equilibrium():
     simulator = system(GridEvent(TIME))
-    y = simulator.simulate(random_rows(simulator, 20)).require_ok().values
+    y = simulator.simulate(random_rows(simulator, 16)).require_ok().values
     assert np.abs(y - y[:1, :, :1]).max() < 1e-9
     flow = simulator._flow(simulator.event)
     assert y[0, 0, 0] == pytest.approx(flow.magnitude[2], abs=1e-10)

@@ -168,7 +168,7 @@ def test_where_there_is_no_voltage_no_current_is_known():
     event = dip(depth=1.0)
     event = with_power(event, plant("synchronous_machine", event).baseline())
     with pytest.raises(
-        InputError, match=r"falls to \S+ pu, where P and Q tell no current.*Leave the impedance out"
+        InputError, match=r"falls to \S+ pu, where P and Q give no current.*Leave the impedance out"
     ):
         plant("synchronous_machine", event, grid_impedance=Z).baseline()
 
