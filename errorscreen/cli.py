@@ -250,9 +250,7 @@ def _bench_speed(options: argparse.Namespace, out: str) -> None:
     from errorscreen.bench import measure_speed
 
     folder = _writable(Path(out))
-    measure_speed(
-        folder, lambda line: print(line, flush=True), cnn=not options.no_cnn, labels=not options.no_labels
-    )
+    measure_speed(folder, cnn=not options.no_cnn, labels=not options.no_labels)
     print(f"Written: {folder / 'result.json'}, {folder / 'table.md'}")
 
 
@@ -265,7 +263,6 @@ def _bench_paper(options: argparse.Namespace, out: str) -> None:
     with _stages(folder, options):
         paper_study(
             folder,
-            _teller(show),
             draws=options.draws,
             seed=options.seed,
             noise_db=options.noise_db,
@@ -287,7 +284,6 @@ def _bench_discovery(options: argparse.Namespace, out: str) -> None:
     with _stages(folder, options):
         discovery_study(
             folder,
-            _teller(show),
             case=options.case,
             scenarios=options.scenarios,
             seed=options.seed,
