@@ -65,6 +65,7 @@ def test_without_torch_the_rest_is_measured(tmp_path, monkeypatch, caplog):
     assert "no epoch of the network: torch is not installed" in caplog.messages[-1]
 
 
+@pytest.mark.slow
 def test_first_use_is_measured_in_new_processes():
     compiled, cached = speed.first_use_seconds("pv_plant")
     assert compiled > 0
