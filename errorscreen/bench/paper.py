@@ -360,4 +360,7 @@ def _by_event(table: _Draw, names: list[str]) -> dict[str, Any]:
 
 
 def _interval(values: _Array) -> list[float]:
-    return [float(v) for v in np.nanquantile(values, [(1 - _LEVEL) / 2, (1 + _LEVEL) / 2])]
+    """Quantiles of the resampled values that are numbers; NaN where none is."""
+    known = values[~np.isnan(values)]
+    limits = [(1 - _LEVEL) / 2, (1 + _LEVEL) / 2]
+    return [float(v) for v in np.quantile(known, limits)] if len(known) else [np.nan, np.nan]

@@ -34,7 +34,9 @@ def test_a_failure_in_a_new_process_is_not_hidden(capfd):
 def test_peak_memory_counts_this_process_alone():
     """What the parent holds does not count for the child; what the child has released does."""
     held = bytearray(2**28)
-    code = f"import runpy; peak_gib = runpy.run_path({timing.__file__!r})['peak_gib']\n{{}}\nprint(peak_gib())"
+    code = (
+        f"import runpy; peak_gib = runpy.run_path({timing.__file__!r})['peak_gib']\n{{}}\nprint(peak_gib())"
+    )
     small, large = (float(in_new_process(code.format(line))) for line in ("", "bytearray(2**28)"))
     assert small < peak_gib() - 0.1
     assert small + 0.2 < large
