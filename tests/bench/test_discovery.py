@@ -100,10 +100,10 @@ def test_an_unknown_kind_is_refused(draw):
         draw(0, 40.0, kind="efect")
 
 
-@pytest.mark.parametrize("kind", ["two effects", "measurement"])
-def test_strengths_are_scaled_to_a_size(kind):
-    as_drawn = draw_plant_scenario(4, 30.0, kind=kind, device="pv_plant", least_size=0.0)
-    hidden = draw_plant_scenario(4, 30.0, kind=kind, device="pv_plant", least_size=0.1, largest_size=0.2)
+def test_strengths_are_scaled_to_a_size():
+    options = {"kind": "two effects", "device": "pv_plant"}
+    as_drawn = draw_plant_scenario(4, 30.0, **options, least_size=0.0)
+    hidden = draw_plant_scenario(4, 30.0, **options, least_size=0.1, largest_size=0.2)
     assert as_drawn.size > 0.3
     assert 0.1 <= hidden.size <= 0.22
     assert hidden.hidden == as_drawn.hidden
