@@ -1,9 +1,8 @@
-"""How many single causes are named rightly, by size and by noise: renews table and figure in the docs.
+"""Share of single causes that are named rightly, by size and by noise: renews table and figure in the docs.
 
-``python benchmarks/discovery_curves.py OUT [CASE [SCENARIOS [SEED [JOBS]]]]``: so many hidden effects and measurement
-faults at each noise level, whose strengths are scaled to sizes from a thirtieth of the noise to three times the noise.
-The same numbers hide the same things at each level. What is finished stays in OUT; the same call, also one with more
-scenarios, goes on from there.
+``python benchmarks/discovery_curves.py OUT [CASE [SCENARIOS [SEED [JOBS]]]]`` hides effects and measurement faults at
+each noise level. Their strengths are scaled to sizes from a thirtieth of the noise to three times the noise. A number
+hides the same at each level. Finished scenarios stay in OUT: the same call, or one with more scenarios, goes on.
 """
 
 import sys
@@ -12,12 +11,13 @@ from pathlib import Path
 from errorscreen._runtime.persistence import write_text_atomic
 from errorscreen.bench import discovery_study
 from errorscreen.bench.discovery_output import by_size, power_figure
+from errorscreen.bench.markdown import table_lines
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 LEVELS = (40.0, 30.0, 20.0)
 #: scenarios at each level, and seed
 STUDIES = {"plant": (60, 5113), "ieee39": (20, 6257)}
-#: what they hide in turn, and how large
+#: kinds hidden in turn, and limits of their sizes
 KINDS = ("effect", "effect", "effect", "other form", "measurement")
 LEAST_SIZE, LARGEST_SIZE = 0.03, 3.0
 JOBS = 2
@@ -25,17 +25,16 @@ JOBS = 2
 
 def table(results):
     """Markdown table of outcomes by noise and size."""
-    header = ("noise", "size", "scenarios", "named rightly", "wrongly", "unknown", "explained by parameters")
-    lines = [f"| {' | '.join(header)} |", "|---" * len(header) + "|"]
+    titles = ("noise", "size", "scenarios", "named rightly", "wrongly", "unknown", "explained by parameters")
+    rows = []
     for result in results:
         for b in by_size(result):
             low, high = b["correct"]["interval"]
             cells = [f"{b['correct']['value']:.2f} [{low:.2f}, {high:.2f}]"]
             cells += [f"{b[name]['value']:.2f}" for name in ("wrong", "unknown", "missed")]
-            size = f"{b['low']:g} to {b['high']:g}"
-            lines.append(f"| {result['noise_db']:g} dB | {size} | {b['n']} | {' | '.join(cells)} |")
+            rows.append((f"{result['noise_db']:g} dB", f"{b['low']:g} to {b['high']:g}", b["n"], *cells))
     first = results[0]
-    return "\n".join(lines) + (
+    return "\n".join(table_lines(titles, rows)) + (
         f"\n\nCase {first['case']}, {len(first['scenarios'])} scenarios at each level, seed {first['seed']}, sizes "
         "in multiples of the noise. In brackets: 95 % exact binomial interval.\n"
     )

@@ -1,8 +1,8 @@
-"""What noise does to pairs, to effects outside of the library and where nothing is hidden: renews its docs table.
+"""Influence of noise on pairs, on effects outside of the library and where nothing is hidden: renews its docs table.
 
-``python benchmarks/discovery_noise.py OUT [CASE [SCENARIOS [SEED [JOBS]]]]``: so many hidden scenarios at each noise
-level, with effects down to a third of the noise. What is finished stays in OUT; the same call, also one with more
-scenarios, goes on from there. Single effects by their size: ``discovery_curves.py``.
+``python benchmarks/discovery_noise.py OUT [CASE [SCENARIOS [SEED [JOBS]]]]`` searches hidden scenarios at each noise
+level, with effects down to a third of the noise. Finished scenarios stay in OUT: the same call, or one with more
+scenarios, goes on. Single effects by size: ``discovery_curves.py``.
 """
 
 import sys
@@ -11,6 +11,7 @@ from pathlib import Path
 from discovery_curves import at_levels
 
 from errorscreen._runtime.persistence import write_text_atomic
+from errorscreen.bench.markdown import table_lines
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 #: scenarios at each level, and seed, of the tables in the docs
@@ -27,13 +28,13 @@ COLUMNS = {
 
 def table(results):
     """Markdown table of outcomes by noise."""
-    lines = [f"| noise | {' | '.join(COLUMNS)} |", "|---" * (len(COLUMNS) + 1) + "|"]
+    rows = []
     for result in results:
         rates = [result["rates"][name] for name in COLUMNS.values()]
         cells = [f"{round(r['value'] * r['n'])} of {r['n']}" if r["n"] else "" for r in rates]
-        lines.append(f"| {result['noise_db']:g} dB | {' | '.join(cells)} |")
+        rows.append((f"{result['noise_db']:g} dB", *cells))
     first = results[0]
-    return "\n".join(lines) + (
+    return "\n".join(table_lines(("noise", *COLUMNS), rows)) + (
         f"\n\nCase {first['case']}, {len(first['scenarios'])} scenarios at each level, seed {first['seed']}, "
         f"effects at least {first['least_size']:g} times the noise.\n"
     )

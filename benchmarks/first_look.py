@@ -1,7 +1,7 @@
 """Ranking of hidden effects by the network's first look, beside the full search: renews its table in the docs.
 
-``python benchmarks/first_look.py [SCENARIOS [SAMPLES [SEED]]]``: so many scenarios with one effect or measurement fault
-for each device, all with the same event, so that one network reads them all.
+``python benchmarks/first_look.py [SCENARIOS [SAMPLES [SEED]]]`` draws scenarios with one effect or measurement fault
+for each device. All have the same event, so that one network reads them all.
 """
 
 import sys
@@ -13,6 +13,7 @@ from time import perf_counter
 import numpy as np
 
 from errorscreen._runtime.persistence import write_text_atomic
+from errorscreen.bench.markdown import table_lines
 from errorscreen.bench.plant_scenarios import draw_plant_scenario
 from errorscreen.discovery import CauseFinder, FirstLook
 from errorscreen.effects.base import DURING
@@ -21,7 +22,7 @@ from errorscreen.models import DEVICES
 
 TABLE = Path(__file__).resolve().parents[1] / "docs" / "tables" / "first_look.md"
 SCENARIOS, SAMPLES, SEED = 16, 4000, 41
-#: a hidden effect is large if so much of it survives a refit of the parameters, in multiples of the noise
+#: least size of a large effect, in multiples of the noise
 LARGE = 20.0
 
 
@@ -46,7 +47,7 @@ def look_and_search(device, scenarios, samples, seed):
 
 
 def _drawn(device, seed, number):
-    """Draw a scenario whose effect acts in the first recording, the only one that is looked at."""
+    """Draw a scenario whose effect acts in the first recording, the only one that is searched."""
     kind = ("effect", "measurement")[number % 2]
     for attempt in count():
         hidden = draw_plant_scenario([seed, number, attempt], 40.0, kind=kind, device=device)
@@ -58,16 +59,16 @@ def main(scenarios, samples, seed):
     """Table with one row for each device."""
     header = ("device", "scenarios", "first look: first", "among three", "first, if large", "search: first")
     header += ("training", "one search")
-    lines = [f"| {' | '.join(header)} |", "|---" * len(header) + "|"]
+    rows = []
     for device in DEVICES:
         ranks, named, sizes, training, searching = look_and_search(device, scenarios, samples, seed)
         large = sizes >= LARGE
         shares = (ranks == 1).mean(), (ranks <= 3).mean(), (ranks[large] == 1).mean(), named.mean()
         cells = [device, f"{scenarios} ({large.sum()} large)", *(f"{share:.2f}" for share in shares)]
         cells += [f"{training:.0f} s", f"{searching:.0f} s"]
-        lines.append(f"| {' | '.join(cells)} |")
-        print(lines[-1], flush=True)
-    return "\n".join(lines) + (
+        print(*cells, sep=" | ", flush=True)
+        rows.append(cells)
+    return "\n".join(table_lines(header, rows)) + (
         f"\n\nOne event is seen, by both. {samples} training samples, 40 dB, seed {seed}; large: at least {LARGE:g} "
         "times the noise survives a refit of the parameters.\n"
     )

@@ -1,6 +1,6 @@
 """Ranking quality of the network against samples and whitening, on the 39-bus case: renews its table in the docs.
 
-``python benchmarks/learning_curve.py [OUT] [SAMPLES ...]``; the data set stays in OUT, so that a second call goes on.
+``python benchmarks/learning_curve.py [OUT] [SAMPLES ...]``; the data set stays in OUT, and a second call goes on.
 """
 
 import sys
@@ -11,6 +11,7 @@ from sklearn.dummy import DummyRegressor
 
 from errorscreen._runtime.persistence import write_text_atomic
 from errorscreen.bench import Effort
+from errorscreen.bench.markdown import table_lines
 from errorscreen.bench.paper import study_screener
 from errorscreen.bench.paper_draw import FIT_EVENTS, STEP, TOP, noise_of
 from errorscreen.cases import ieee39_events, load_ieee39
@@ -36,11 +37,9 @@ def main(out, sizes):
     )
     larger = enlarge_dataset(train, simulator, effort.enlarged, event, random_state=SEED).valid()
     blind = DummyRegressor().fit(train.errors, train.contributions).predict(test.errors)
-    lines = [
-        "| samples | labels by regression | images | whitened | overlap with the true ten |",
-        "|---|---|---|---|---|",
-        f"| | | mean label, whatever the error | | {top_k_overlap(test.contributions, blind, TOP):.3f} |",
-    ]
+    titles = ("samples", "labels by regression", "images", "whitened", "overlap with the true ten")
+    overlap = top_k_overlap(test.contributions, blind, TOP)
+    rows = [("", "", "mean label, whatever the error", "", f"{overlap:.3f}")]
     noise = noise_of(train.baseline, event, NOISE_DB)
     measured = test.errors + noise[:, None] * np.random.default_rng(SEED).standard_normal(test.errors.shape)
     runs = [(train, sizes[0], "published", False), (train, most, "whitened", False)]
@@ -52,13 +51,13 @@ def main(out, sizes):
         screener.fit(data.errors[:n], data.contributions[:n])
         found = top_k_overlap(test.contributions, screener.predict(measured), TOP)
         more = effort.enlarged if data is larger else ""
-        lines.append(f"| {n} | {more} | {IMAGES[network]} | {'yes' if whiten else 'no'} | {found:.3f} |")
-        print(lines[-1], flush=True)
+        rows.append((n, more, IMAGES[network], "yes" if whiten else "no", f"{found:.3f}"))
+        print(*rows[-1], sep=" | ", flush=True)
     ending = (
         f"{len(test)} test samples, noise {NOISE_DB:g} dB; {EPOCHS} epochs at most, {effort.epochs} with labels by "
         "regression."
     )
-    return "\n".join(lines) + f"\n\n{ending}\n"
+    return "\n".join(table_lines(titles, rows)) + f"\n\n{ending}\n"
 
 
 if __name__ == "__main__":

@@ -1,9 +1,8 @@
 """A study of hidden scenarios in several sittings: each finished one stays as a line of text beside the docs.
 
-``python benchmarks/long_study.py [CASE [SCENARIOS [SEED [JOBS]]]]`` searches the scenarios that
-``docs/studies/CASE-SEED.jsonl`` lacks, in their order, and writes the table and the figures of those that are there
-without a gap. A line tells by which commit it was searched: where the search has changed so that its outcome may be
-another one, delete the lines first.
+``python benchmarks/long_study.py [CASE [SCENARIOS [SEED [JOBS]]]]`` searches the scenarios that are missing in
+``docs/studies/CASE-SEED.jsonl``, and writes table and figures of the finished ones up to the first gap. A line states
+the commit that searched it. Delete the lines first where the search has changed so much that outcomes may change.
 """
 
 import json
@@ -20,7 +19,7 @@ from errorscreen.bench.scenarios import LEAST_SIZE
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
-#: what decides the outcome of a search
+#: folders that decide the outcome of a search
 CODE = ("errorscreen", "benchmarks")
 #: scenarios and seed of the tables in the docs
 STUDIES = {"plant": (200, 7219), "ieee39": (200, 9137)}
@@ -34,12 +33,12 @@ def read(path):
 
 
 def write(path, rows):
-    """One line for each, in their order."""
+    """Write one line for each scenario, in order."""
     write_text_atomic(path, "".join(json.dumps(rows[i], ensure_ascii=False) + "\n" for i in sorted(rows)))
 
 
 def rounded(value):
-    """The same with numbers that can be read."""
+    """Round all numbers in a row to `DIGITS` digits."""
     if isinstance(value, dict):
         return {key: rounded(item) for key, item in value.items()}
     if isinstance(value, list):
@@ -48,7 +47,7 @@ def rounded(value):
 
 
 def gapless(rows):
-    """The first ones without a gap: those that happen to end early are no fair sample."""
+    """Rows up to the first gap: those that end early are no fair sample."""
     found = []
     while len(found) in rows:
         found.append(rows[len(found)])
@@ -56,13 +55,13 @@ def gapless(rows):
 
 
 def git(*arguments):
-    """What a command says."""
+    """Output of a git command."""
     command = ["git", *arguments]
     return subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout.strip()
 
 
 def main(case="ieee39", scenarios=None, seed=None, jobs=JOBS):
-    """Search what is missing, and write table and figures."""
+    """Search missing scenarios, and write table and figures."""
     usual = STUDIES[case]
     scenarios = usual[0] if scenarios is None else scenarios
     seed = usual[1] if seed is None else seed

@@ -9,6 +9,7 @@ from pathlib import Path
 from time import perf_counter
 
 from errorscreen._runtime.persistence import write_text_atomic
+from errorscreen.bench.markdown import table_lines
 from errorscreen.cases import falling_ball, read_falling_ball, read_silverbox, silverbox
 from errorscreen.discovery import CauseFinder
 
@@ -55,12 +56,8 @@ def main(data, others):
     """Write the table."""
     rows = [row_of_ball(data / "falling_balls" / "balls.csv", ball) for ball in BALLS]
     rows += rows_of_silverbox(data / "silverbox" / "multisine.csv", others)
-    lines = [
-        "| judged on | named | probability | recalibrated | extended | ratio | s |",
-        "|---|---|---|---|---|---|---|",
-        *("| " + " | ".join(row) + " |" for row in rows),
-    ]
-    text = "\n".join(lines) + "\n"
+    titles = ("judged on", "named", "probability", "recalibrated", "extended", "ratio", "s")
+    text = "\n".join(table_lines(titles, rows)) + "\n"
     write_text_atomic(TABLE, text)
     print(text)
 

@@ -1,8 +1,8 @@
-"""How often an unknown signal is put at the right device: renews its table in the docs.
+"""Share of unknown signals that are put at the right device: renews its table in the docs.
 
-``python benchmarks/places.py OUT [CASE [SCENARIOS [SEED [JOBS]]]]``: hides so many effects that the library does not
-hold, and ranks places without a search for effects, which would end as unknown anyway and takes most of the time. What
-is finished stays in OUT; the same call, also one with more scenarios, goes on from there.
+``python benchmarks/places.py OUT [CASE [SCENARIOS [SEED [JOBS]]]]`` hides effects outside of the library, and ranks
+input locations without the search for effects, which takes most of the time and would end as unknown. Finished
+scenarios stay in OUT: the same call, or one with more scenarios, goes on.
 """
 
 import json
@@ -15,6 +15,7 @@ from tqdm import tqdm
 
 from errorscreen._runtime.persistence import write_text_atomic
 from errorscreen.bench.discovery import search_all
+from errorscreen.bench.markdown import table_lines
 from errorscreen.bench.scenarios import LEAST_SIZE
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
@@ -24,11 +25,11 @@ JOBS, NOISE_DB = 2, 40.0
 
 
 def table(rows):
-    """Markdown table by what is hidden: how many are unknown, and of these at the right device and port."""
+    """Markdown table by hidden effect: number of unknown ones, and of these at the right device and port."""
     kinds = defaultdict(list)
     for row in rows:
         kinds[row["truth"]["hidden"][0]].append(row)
-    header = (
+    titles = (
         "hidden",
         "scenarios",
         "unknown",
@@ -36,20 +37,18 @@ def table(rows):
         "right port",
         "probability of the first place",
     )
-    lines = [f"| {' | '.join(header)} |", "|---" * len(header) + "|"]
-    lines += [_line(f"`{name}`", kinds[name]) for name in sorted(kinds)]
-    lines.append(_line("all", rows))
-    return "\n".join(lines)
+    lines = [_cells(f"`{name}`", kinds[name]) for name in sorted(kinds)]
+    return "\n".join(table_lines(titles, [*lines, _cells("all", rows)]))
 
 
-def _line(name, rows):
+def _cells(name, rows):
     unknown = [row for row in rows if row["verdict"] == "unknown"]
     placed = [row for row in unknown if row["place"]]
     device = sum(_right(row) for row in unknown)
     port = sum(_right(row) and row["place"]["port"] == row["truth"]["place"] for row in unknown)
     probabilities = [row["place"]["probability"] for row in placed]
     span = f"{min(probabilities):.2f} to {max(probabilities):.2f}" if placed else ""
-    return f"| {name} | {len(rows)} | {len(unknown)} | {device} | {port} | {span} |"
+    return name, len(rows), len(unknown), device, port, span
 
 
 def _right(row):
@@ -57,7 +56,7 @@ def _right(row):
 
 
 def main(out, case="ieee39", scenarios=None, seed=None, jobs=JOBS):
-    """Run what is missing, and write the table."""
+    """Search missing scenarios, and write the table."""
     usual = STUDIES[case]
     scenarios = usual[0] if scenarios is None else scenarios
     seed = usual[1] if seed is None else seed
@@ -77,7 +76,7 @@ def main(out, case="ieee39", scenarios=None, seed=None, jobs=JOBS):
         interval = binomtest(right, len(unknown)).proportion_ci(0.95)
         text += f", 95 % interval of the rate {interval.low:.2f} to {interval.high:.2f}"
     text += ".\n"
-    write_text_atomic(DOCS / "tables" / f"input_locations_{case}.md", text)
+    write_text_atomic(DOCS / "tables" / f"places_{case}.md", text)
 
 
 if __name__ == "__main__":

@@ -1,9 +1,9 @@
-"""How long a full ``errorscreen run`` takes.
+"""Time of a full ``errorscreen run``.
 
-``python benchmarks/run_times.py OUT [SEED]``: hides causes in recordings as `errorscreen bench discovery` does, writes
-each scenario as text files with a case file, as a user has them, and runs the command on it in a new process. The first
-one of each case is run before, to compile. Let nothing else run. Cases and reports stay in OUT, with the table.
-``python benchmarks/run_times.py OUT CASE SEED NUMBER ...`` times scenarios of a study of that command instead.
+``python benchmarks/run_times.py OUT [SEED]`` hides causes in recordings as `errorscreen bench discovery` does, writes
+each scenario as text files with a case file, and runs the command on it in a new process. The first scenario of each
+case runs once before, to compile. Let nothing else run. Cases, reports and the table stay in OUT.
+``python benchmarks/run_times.py OUT CASE SEED NUMBER ...`` times scenarios of a study instead.
 """
 
 import json
@@ -19,12 +19,13 @@ from errorscreen._runtime.persistence import write_text_atomic
 from errorscreen.bench.discovery import CASES as STUDIED
 from errorscreen.bench.discovery import streams_of
 from errorscreen.bench.grid_scenarios import draw_grid_scenario
+from errorscreen.bench.markdown import table_lines
 from errorscreen.bench.plant_scenarios import draw_plant_scenario
 from errorscreen.bench.timing import machine
 from errorscreen.events import BusFault, GridEvent
 
 SEED, NOISE_DB = 4409, 40.0
-#: what draws the scenarios of a case, and what they hide in turn
+#: function that draws the scenarios of a case, and the kinds hidden in turn
 CASES = {
     "plant": (
         draw_plant_scenario,
@@ -34,12 +35,12 @@ CASES = {
 }
 #: events of the grid that are held out
 HELD_OUT = ("fault at bus 16", "line 2-3 out")
-#: channels whose name is another one in a case file
+#: names in case files of channels that have another name in Python
 _CASE_NAMES = {"U": "V"}
 
 
 def write_case(folder, scenario):
-    """Recordings of a scenario as text files, and the case file that reads them."""
+    """Write the recordings of a scenario as text files, and the case file that reads them."""
     folder.mkdir(parents=True, exist_ok=True)
     grid = isinstance(scenario.recordings[0].event, GridEvent)
     held_out = [o for o in scenario.held_out if not grid or o.event.name in HELD_OUT]
@@ -67,7 +68,7 @@ def write_case(folder, scenario):
 
 
 def _happened(event):
-    """Line of a case file that says what happened in the grid."""
+    """Line of a case file about the event in the grid."""
     if isinstance(event, BusFault):
         impedance = complex(event.impedance)
         fault = f"bus = {event.bus}, duration = {event.duration}"
@@ -79,64 +80,54 @@ def run(folder):
     """Seconds of the command on a case, and its result."""
     start = perf_counter()
     out = folder / "report"
-    command = [
-        sys.executable,
-        "-m",
-        "errorscreen",
-        "run",
-        str(folder / "case.toml"),
-        "--out",
-        str(out),
-        "--fresh",
-    ]
-    subprocess.run(command, check=True, capture_output=True)
+    arguments = ["run", str(folder / "case.toml"), "--out", str(out), "--fresh"]
+    subprocess.run([sys.executable, "-m", "errorscreen", *arguments], check=True, capture_output=True)
     return perf_counter() - start, json.loads((out / "result.json").read_text(encoding="utf-8"))
 
 
 def timed(folder, case, kind, scenario):
-    """Line of the table for a scenario."""
+    """Cells of the table for a scenario."""
     write_case(folder, scenario)
     seconds, result = run(folder)
     found = ", ".join(cause["name"] for cause in result["verdict"]["causes"][:1])
     simulations = result["run"]["n_simulations"] / 1e3
     hidden = " + ".join(scenario.hidden) or "nothing"
     cells = case, f"{kind}: `{hidden}`", result["verdict"]["kind"], f"{simulations:.0f}", f"{seconds:.0f}"
-    line = f"| {' | '.join(cells)} |"
-    print(line, found, flush=True)
-    return line
+    print(*cells, found, sep=" | ", flush=True)
+    return cells
 
 
 def drawn(seed):
-    """Case, kind and scenario of all that is timed."""
+    """Case, kind and scenario, drawn anew."""
     for case, (draw, kinds) in CASES.items():
         for k, kind in enumerate(kinds):
             yield case, kind, draw(np.random.SeedSequence([seed, k]), NOISE_DB, kind=kind)
 
 
 def studied(case, seed, numbers):
-    """The same of scenarios of a study."""
+    """Case, kind and scenario of some numbers of a study."""
     for number in map(int, numbers):
         scenario = STUDIED[case][0](streams_of(int(seed), number)[0], NOISE_DB)
         yield case, f"number {number}, {scenario.kind}", scenario
 
 
 def main(out, *asked):
-    """Time all of them, or those of a study, and write the table."""
-    lines = ["| | hidden | verdict | thousand simulations | seconds |", "|---|---|---|---|---|"]
+    """Time new scenarios, or those of a study, and write the table."""
     if len(asked) > 1:
         case, seed, *numbers = asked
         scenarios = studied(case, seed, numbers)
     else:
         scenarios = drawn(int(asked[0]) if asked else SEED)
-    compiled = set()
+    compiled, rows = set(), []
     for k, (case, kind, scenario) in enumerate(scenarios):
         folder = Path(out) / str(k)
         if case not in compiled:
             write_case(folder, scenario)
             run(folder)
             compiled.add(case)
-        lines.append(timed(folder, case, kind, scenario))
+        rows.append(timed(folder, case, kind, scenario))
     on = machine()
+    lines = table_lines(("", "hidden", "verdict", "thousand simulations", "seconds"), rows)
     lines.append(f"\n{NOISE_DB:g} dB, {on['cores']} cores ({on['processor']}), one run each.")
     write_text_atomic(Path(out) / "table.md", "\n".join(lines) + "\n")
 

@@ -7,6 +7,7 @@ import numba
 import numpy as np
 
 from errorscreen._runtime.persistence import write_text_atomic
+from errorscreen.bench.markdown import table_lines
 from errorscreen.data.recordings import Recording
 from errorscreen.discovery import CauseFinder
 from errorscreen.events import InputSignal
@@ -53,13 +54,16 @@ def main():
     started = perf_counter()
     finder = CauseFinder(simulator, effects=chosen, random_state=0).fit(recording)
     seconds = perf_counter() - started
-    lines = [
-        "| candidates | threads | simulations | ms a simulation | s a search | named |",
-        "|---|---|---|---|---|---|",
-        f"| {len(chosen)} | {numba.config.NUMBA_NUM_THREADS} | {finder.n_simulations_} | {1e3 * each:.2f} "
-        f"| {seconds:.0f} | `{finder.causes_[0].name}` |",
-    ]
-    text = "\n".join(lines) + "\n"
+    titles = ("candidates", "threads", "simulations", "ms a simulation", "s a search", "named")
+    times = (f"{1e3 * each:.2f}", f"{seconds:.0f}")
+    row = (
+        len(chosen),
+        numba.config.NUMBA_NUM_THREADS,
+        finder.n_simulations_,
+        *times,
+        f"`{finder.causes_[0].name}`",
+    )
+    text = "\n".join(table_lines(titles, [row])) + "\n"
     write_text_atomic(TABLE, text)
     print(text)
 

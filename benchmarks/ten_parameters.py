@@ -1,8 +1,8 @@
-"""What limits a calibration of ten parameters: which ten, the swarm, or what it minimises.
+"""Limits of a calibration of ten parameters: their choice, the swarm, or its objective.
 
-``python benchmarks/ten_parameters.py [DRAWS]`` calibrates the ten that the true label and the identifiability put
-first, in the hidden draws of ``errorscreen bench paper --seed 2026 --noise-db 40``, in three ways, and renews a table
-of the docs.
+``python benchmarks/ten_parameters.py [DRAWS]`` takes the first ten parameters by the true label and by the
+identifiability in the hidden draws of ``errorscreen bench paper --seed 2026 --noise-db 40``, calibrates them in three
+ways, and renews a table of the docs.
 """
 
 import sys
@@ -14,6 +14,7 @@ from joblib import Parallel, delayed
 
 from errorscreen._runtime.persistence import write_text_atomic
 from errorscreen.bench import Effort
+from errorscreen.bench.markdown import table_lines
 from errorscreen.bench.paper import PUBLISHED
 from errorscreen.bench.paper_draw import FIT_EVENTS, TOP, Setting, hidden, step_error
 from errorscreen.calibration import MAPCalibrator, PSOCalibrator
@@ -58,17 +59,18 @@ def main(draws):
     step_errors = step_error(setting)
     tasks = (delayed(reductions)(setting, step_errors, draw) for draw in range(draws))
     found = np.array(Parallel(n_jobs=-1)(tasks))
-    lines = ["| the ten by | calibrated by | U | P | reach the paper |", "|---|---|---|---|---|"]
+    rows = []
     for s, selection in enumerate(SELECTIONS):
         for c, calibrator in enumerate(CALIBRATORS):
             gains = found[:, s, c]
             cells = [f"{100 * np.median(g):.1f} ({100 * np.quantile(g, 0.1):.1f})" for g in gains.T]
             reach = np.mean(np.all(gains >= PUBLISHED, axis=1))
-            lines.append(f"| {selection} | {calibrator} | {' | '.join(cells)} | {100 * reach:.0f} % |")
+            rows.append((selection, calibrator, *cells, f"{100 * reach:.0f} %"))
     ending = (
         f"{draws} draws, seed {SEED}, noise {NOISE_DB:g} dB; reduction of E on the fitted event against the true "
         "response in %, median (tenth percentile)."
     )
+    lines = table_lines(("the ten by", "calibrated by", "U", "P", "reach the paper"), rows)
     return "\n".join(lines) + f"\n\n{ending}\n"
 
 

@@ -24,7 +24,6 @@ from errorscreen.exceptions import ErrorscreenError, InputError
 BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
 #: interrupts that have come
 _interrupts: list[int] = []
-_log = logging.getLogger("errorscreen")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -280,9 +279,7 @@ def _bench_speed(options: argparse.Namespace, out: str) -> None:
     from errorscreen.bench import measure_speed
 
     folder = _writable(Path(out))
-    measure_speed(
-        folder, lambda line: print(line, flush=True), cnn=not options.no_cnn, labels=not options.no_labels
-    )
+    measure_speed(folder, cnn=not options.no_cnn, labels=not options.no_labels)
     print(f"Written: {folder / 'result.json'}, {folder / 'table.md'}")
 
 
@@ -295,7 +292,6 @@ def _bench_paper(options: argparse.Namespace, out: str) -> None:
     with _stages(folder, options):
         paper_study(
             folder,
-            _log.info,
             draws=options.draws,
             seed=options.seed,
             noise_db=options.noise_db,
@@ -317,7 +313,6 @@ def _bench_discovery(options: argparse.Namespace, out: str) -> None:
     with _stages(folder, options):
         discovery_study(
             folder,
-            _log.info,
             case=options.case,
             scenarios=options.scenarios,
             seed=options.seed,

@@ -1,9 +1,10 @@
-"""How often causes are found: hidden scenarios, each searched blindly, and what came out."""
+"""The discovery study: it hides causes in simulated recordings, searches each blindly, and counts the rates."""
 
 from __future__ import annotations
 
 import contextlib
 import json
+import logging
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -26,6 +27,7 @@ from errorscreen.bench.trap_scenarios import TRAP_MIX, draw_trap_scenario
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery import CauseFinder
 from errorscreen.discovery.fits.hypotheses import JointFit
+from errorscreen.effects import Effect
 from errorscreen.exceptions import (
     DataWarning,
     InputError,
@@ -37,24 +39,24 @@ from errorscreen.exceptions import (
 from errorscreen.simulators import Simulator
 
 SCHEMA_VERSION = 1
-#: how a hidden scenario of each case is drawn, and the kinds that are drawn with their shares
+#: for each case: the function that draws a scenario, and the kinds with their shares
 CASES: dict[str, tuple[Callable[..., Scenario], tuple[tuple[str, float], ...]]] = {
     "plant": (draw_plant_scenario, MIX),
     "ieee39": (draw_grid_scenario, MIX),
     "traps": (draw_trap_scenario, TRAP_MIX),
 }
-#: a group that holds the right name counts if it has at most so many members
+#: a group that holds the right name counts as correct if it has at most so many members
 _LARGEST_GROUP = 2
-#: iterations of the fit with the true structure, from the true values
+#: iterations of the fit of the true structure, which starts at the true values
 _ITERATIONS = 30
 
+_log = logging.getLogger(__name__)
 _Record = dict[str, Any]
 _Array = NDArray[np.float64]
 
 
 def discovery_study(
     out: str | Path,
-    report: Callable[[str], None] = print,
     *,
     case: str = "plant",
     scenarios: int = 200,
@@ -66,49 +68,49 @@ def discovery_study(
     n_jobs: int | None = None,
     progress: bool = False,
 ) -> dict[str, Any]:
-    """Search hidden scenarios, write result, table and figures into ``out``, and return the result.
+    """Search hidden scenarios, write result, tables and figures into ``out``, and return the result.
 
-    A scenario hides deviating parameters and, by the shares of `MIX`, nothing else, an effect of the library, two of
-    them, one in another functional form, an effect that the library does not hold, or a measurement fault; a trap hides
-    nothing or one effect, by `TRAP_MIX`. The truth has a tenth of the fitted model's step or less, and noise of its
-    own. `CauseFinder` sees what is to be fitted.
-    What is finished stays in ``out/stages``: the same call goes on from there.
+    A scenario hides deviating parameters and, by the shares of the case, nothing else, one or two effects of the
+    library, an effect in another form than the library's, an effect outside of the library, or a measurement fault.
+    The truth has its own noise and at most a tenth of the fitted model's step. Finished scenarios stay in
+    ``out/stages``: the same call goes on from there.
 
     Parameters
     ----------
     out : str or Path
-        Folder, made where it is missing.
-    report : callable
-        Takes lines of text.
+        Folder; made where it is missing.
     case : {"plant", "ieee39", "traps"}
     scenarios : int
     seed : int
-        A scenario does not depend on how many there are.
+        A scenario does not depend on the number of scenarios.
     noise_db : float
         Level of each channel's deviation from its value before the event over that of the noise, both rms.
     least_size : float
-        Least part of a hidden effect that survives a refit of the parameters, in multiples of the noise.
+        Least size of a hidden effect: the part that a refit of the parameters leaves, in multiples of the noise.
     largest_size : float, optional
-        Where given, strengths of effects are scaled to sizes drawn between the two, evenly by order of magnitude;
-        not of traps.
+        Scales strengths to sizes drawn between the two, evenly by order of magnitude; not for traps.
     kinds : sequence of str, optional
-        What the scenarios hide, in turn, in place of the shares of the case.
+        Kinds to hide in turn, instead of the shares of the case.
     n_jobs : int, optional
-        Processes that share the scenarios; the result does not depend on it, times do.
+        Processes that share the scenarios. They do not change the result, only the times.
     progress : bool
+        Whether to show a progress bar.
 
     Returns
     -------
     dict
-        ``scenarios``, each with its truth, verdict, causes and held-out errors; ``rates``: ``correct``, ``wrong`` and
-        ``unknown`` of the scenarios that hide one effect of the library or a measurement fault, ``false_alarm`` where
-        nothing is hidden, ``missed`` where parameters were said to explain an effect, ``outside_unknown``,
-        ``outside_place`` (right device) and ``outside_port`` of effects outside the library, ``both_found`` and
-        ``both_wrong`` of two effects, ``interval_holds``, how many intervals of the parameters of rightly named effects
-        hold the true value, each ``{value, interval, n}``; ``by_kind`` and ``by_device``, how many had which
-        outcome; ``held_out_ratio_median``, error of the extended over that of the recalibrated model against the true
-        response where the cause was named rightly; ``true_structure_ratio_median`` and ``..._p90``, the same over a fit
-        of the true structure, and its 90 % quantile; ``expected_calibration_error`` and ``reliability``.
+        ``scenarios``: truth, verdict, causes and held-out errors of each. ``rates``, each ``{value, interval, n}``:
+
+        - ``correct``, ``wrong``, ``unknown`` and ``missed`` (explained by parameters) of the scenarios that hide one
+          effect of the library or a measurement fault, ``false_alarm`` where nothing is hidden;
+        - ``outside_unknown``, ``outside_place`` (right device) and ``outside_port`` of effects outside the library;
+        - ``both_found`` and ``both_wrong`` of two effects;
+        - ``interval_holds`` of the intervals of parameters of rightly named effects.
+
+        ``by_kind`` and ``by_device``: number of each outcome. ``held_out_ratio_median``: error against the true
+        response, extended over recalibrated model, of rightly named causes. ``true_structure_ratio_median`` and
+        ``..._p90``: the same over a fit of the true structure. ``expected_calibration_error`` and ``reliability`` of
+        the probabilities.
 
     Raises
     ------
@@ -142,8 +144,10 @@ def discovery_study(
         "mix": digest(mix, kinds),
     }
     store = Store(Path(out) / "stages", fingerprint)
-    records = {i: _unpack(found) for i, found in store.load(range(scenarios)).items()}
-    report(f"{scenarios} scenarios" + (f", {len(records)} of them finished before" if records else ""))
+    records = {
+        i: json.loads(found["record"].tobytes().decode()) for i, found in store.load(range(scenarios)).items()
+    }
+    _log.info("%d scenarios, %d of them finished before", scenarios, len(records))
     missing = [i for i in range(scenarios) if i not in records]
     finished = search_all(
         case, seed, missing, noise_db, least_size, n_jobs, kinds=kinds, largest_size=largest_size
@@ -174,15 +178,7 @@ def result_of(
     least_size: float,
     kinds: Sequence[str] | None = None,
 ) -> dict[str, Any]:
-    """Result of the study that some scenarios are, see `discovery_study`, but for how long it took.
-
-    Parameters
-    ----------
-    rows : sequence of dict
-        Of `run_scenario`.
-    case, seed, noise_db, least_size, kinds
-        See `discovery_study`.
-    """
+    """Result of `discovery_study` from the rows of `run_scenario`, without its times."""
     _, mix = CASES[case]
     return {
         "schema_version": SCHEMA_VERSION,
@@ -208,9 +204,9 @@ def search_all(
     kinds: Sequence[str] | None = None,
     **options: Any,
 ) -> Iterator[_Record]:
-    """Search some scenarios side by side, see `run_scenario`; their kinds in turn, or as drawn.
+    """Search some scenarios in parallel, see `run_scenario`; `kinds` are hidden in turn.
 
-    They come in whatever order they finish: a long one must not keep others from being stored.
+    Rows come in the order in which they finish: a long search must not keep others from being stored.
     """
     found: Iterator[_Record] = Parallel(n_jobs=n_jobs, return_as="generator_unordered")(
         delayed(run_scenario)(
@@ -222,7 +218,7 @@ def search_all(
 
 
 def streams_of(seed: int, number: int) -> list[np.random.SeedSequence]:
-    """Seeds of a scenario of a study: of what is hidden, and of the search."""
+    """Seeds of a scenario of a study: of its draw, and of its search."""
     return np.random.SeedSequence(seed, spawn_key=(number,)).spawn(2)
 
 
@@ -237,26 +233,27 @@ def run_scenario(
     largest_size: float | None = None,
     max_effects: int = 2,
 ) -> _Record:
-    """Draw one scenario, of a kind if it is given, search it, and judge what was found."""
+    """Draw one scenario, search it, and judge the answer; without a kind, that is drawn too."""
     of_hidden, of_search = streams_of(seed, number)
-    with warnings.catch_warnings():  # of recordings that look odd, which is meant
-        warnings.simplefilter("ignore", DataWarning)
-        draw, _ = CASES[case]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DataWarning)  # some drawn recordings look odd on purpose
         sizes = {"least_size": least_size}
         if largest_size is not None:
             sizes["largest_size"] = largest_size
-        hidden = draw(of_hidden, noise_db, kind=kind, **sizes)
+        hidden = CASES[case][0](of_hidden, noise_db, kind=kind, **sizes)
         started = perf_counter()
         search_seed = int(of_search.generate_state(1)[0])
         finder = CauseFinder(hidden.simulator, max_effects=max_effects, random_state=search_seed)
         finder.fit(list(hidden.recordings))
         seconds = perf_counter() - started
-    first = finder.causes_[0]
+    verdict, best, closest = finder.verdict_.kind, finder.best_, finder.hypotheses_[0]
     base = next(h for h in finder.hypotheses_ if not h.effects)
-    named = finder.verdict_.kind in ("effect", "measurement")
-    names = [e.name for e in finder.best_.effects] if named else []
-    groups = [list(group.names) for group in finder.groups_] if named else []
-    outcome = _outcome(hidden, finder.verdict_.kind, names, groups)
+    structures = {h.name: _names(h.effects) for h in finder.hypotheses_}
+    named = verdict in ("effect", "measurement")
+    names = _names(best.effects) if named else ()
+    groups = [group.names for group in finder.groups_] if named else []
+    alike = [structures[name] for group in groups if len(group) <= _LARGEST_GROUP for name in group]
+    first = finder.causes_[0]
     place = finder.input_locations_[0] if finder.input_locations_ else None
     return {
         "number": number,
@@ -268,27 +265,19 @@ def run_scenario(
             "place": hidden.place,
             "size": hidden.size,
         },
-        "verdict": finder.verdict_.kind,
-        "named": names,
-        "groups": groups,
+        "verdict": verdict,
+        "named": list(names),
+        "groups": [list(group) for group in groups],
         "probability": first.probability,
         "causes": [{"name": c.name, "probability": c.probability} for c in finder.causes_],
-        "place": None
-        if place is None
-        else {"device": place.device, "port": place.place, "probability": place.probability},
-        "outcome": outcome,
-        "top_is_right": _top_is_right(hidden, first.name),
-        "chi2_per_sample": {
-            "parameters": base.chi2_per_sample,
-            "chosen": finder.best_.chi2_per_sample,
-        },
-        "converged": {"parameters": base.converged, "chosen": finder.best_.converged},
-        "state": {"parameters": base.state, "chosen": finder.best_.state},
+        "place": place and {"device": place.device, "port": place.place, "probability": place.probability},
+        "outcome": _outcome(hidden, verdict, [names, *alike]),
+        "top_is_right": _top_is_right(hidden, first.name, structures),
+        "chi2_per_sample": {"parameters": base.chi2_per_sample, "chosen": best.chi2_per_sample},
+        "converged": {"parameters": base.converged, "chosen": best.converged},
+        "state": {"parameters": base.state, "chosen": best.state},
         "left": _left(finder),
-        "closest": {
-            "name": finder.hypotheses_[0].name,
-            "chi2_per_sample": finder.hypotheses_[0].chi2_per_sample,
-        },
+        "closest": {"name": closest.name, "chi2_per_sample": closest.chi2_per_sample},
         "held_out": _held_out(hidden, finder),
         "intervals": _intervals(hidden, finder) if named else [],
         "simulations": finder.n_simulations_,
@@ -296,8 +285,12 @@ def run_scenario(
     }
 
 
+def _names(effects: Iterable[Effect]) -> tuple[str, ...]:
+    return tuple(effect.name for effect in effects)
+
+
 def _left(finder: CauseFinder) -> list[float | None]:
-    """Least share of what parameters leave beyond noise that one effect leaves, that two leave, and so on."""
+    """Smallest share of the excess of the parameters' fit that one effect leaves, that two leave, and so on."""
     whole = finder.residual_tests_["parameters"].excess
     out: list[float | None] = []
     for number in range(1, finder.max_effects + 1):
@@ -306,8 +299,11 @@ def _left(finder: CauseFinder) -> list[float | None]:
     return out
 
 
-def _outcome(hidden: Scenario, verdict: str, names: Sequence[str], groups: Sequence[Sequence[str]]) -> str:
-    """``"correct"``, ``"wrong"``, ``"unknown"``, ``"missed"`` (explained by parameters) or ``"false alarm"``."""
+def _outcome(hidden: Scenario, verdict: str, answers: Sequence[tuple[str, ...]]) -> str:
+    """``"correct"``, ``"wrong"``, ``"unknown"``, ``"missed"`` (explained by parameters) or ``"false alarm"``.
+
+    `answers` are the effects named, and those of a small group that the recordings cannot tell apart.
+    """
     if verdict in ("within-noise", "parameters"):
         return "correct" if hidden.kind == "nothing" else "missed"
     if hidden.kind == "nothing":
@@ -315,35 +311,33 @@ def _outcome(hidden: Scenario, verdict: str, names: Sequence[str], groups: Seque
     if verdict == "unknown":
         return "correct" if hidden.kind == "outside" else "unknown"
     right = set(hidden.effects)
-    if right and set(names) == right:
-        return "correct"
-    members = [set(name.split(" + ")) for group in groups if len(group) <= _LARGEST_GROUP for name in group]
-    return "correct" if right and right in members else "wrong"
+    return "correct" if right and any(set(answer) == right for answer in answers) else "wrong"
 
 
-def _top_is_right(hidden: Scenario, name: str) -> bool:
-    if hidden.kind == "nothing":
-        return name == "parameters"
-    if hidden.kind == "outside":
-        return name == "unknown"
-    return set(name.split(" + ")) == set(hidden.effects)
+def _top_is_right(hidden: Scenario, name: str, structures: Mapping[str, tuple[str, ...]]) -> bool:
+    """Whether the first cause is right; `structures` tells the effects of each hypothesis."""
+    if hidden.kind in ("nothing", "outside"):
+        return name == {"nothing": "parameters", "outside": "unknown"}[hidden.kind]
+    return set(structures.get(name, ())) == set(hidden.effects)
 
 
 def _intervals(hidden: Scenario, finder: CauseFinder) -> list[_Record]:
-    """True value, estimate and interval of each parameter of what is hidden; none where something else was named."""
+    """True value, estimate and interval of each parameter of the hidden effects, where these were named."""
     effects = {effect.name: effect for effect in finder.best_.effects}
     if not hidden.structure or set(effects) != set(hidden.structure):
         return []
     names = [effects[name].local(p.name) for name in hidden.structure for p in effects[name].parameters]
-    told = finder.causes_[0].values
-    return [
-        {"name": name, "true": true, "value": told[name][0], "interval": list(told[name][1:])}
-        for name, true in zip(names, hidden.values.tolist(), strict=True)
-    ]
+    found = finder.causes_[0].values
+    rows = []
+    for name, true in zip(names, hidden.values.tolist(), strict=True):
+        value, *ends = found[name]  # a value at a bound may have no interval
+        interval = [end if np.isfinite(end) else value for end in ends]
+        rows.append({"name": name, "true": true, "value": value, "interval": interval})
+    return rows
 
 
 def _held_out(hidden: Scenario, finder: CauseFinder) -> dict[str, float | None]:
-    """Rms distance from the true held-out responses in multiples of the noise, of several models."""
+    """Rms distance of several models from the true held-out responses, in multiples of the noise."""
 
     def distance(model: Simulator) -> float:
         total = count = 0.0
@@ -373,8 +367,3 @@ def _held_out(hidden: Scenario, finder: CauseFinder) -> dict[str, float | None]:
     return {
         name: value if value is not None and np.isfinite(value) else None for name, value in found.items()
     }
-
-
-def _unpack(arrays: Mapping[str, NDArray[Any]]) -> _Record:
-    record: _Record = json.loads(arrays["record"].tobytes().decode())
-    return record

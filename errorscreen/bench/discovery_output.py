@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from errorscreen._runtime.persistence import write_json_atomic, write_text_atomic
-from errorscreen.bench.discovery_rates import rate_of
+from errorscreen.bench.discovery_rates import OUTCOMES, rate_of
+from errorscreen.bench.markdown import table_lines
 from errorscreen.data.panels import COLOURS, figure_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: what each rate says, in the order of the table
+#: rows of the table of rates
 _RATES = {
     "correct": "one effect or measurement fault hidden: named rightly",
     "wrong": "named wrongly",
@@ -29,12 +30,9 @@ _RATES = {
     "both_wrong": "two effects hidden: something named that is not there",
     "interval_holds": "90 % intervals of the parameters of effects named rightly: hold the true value",
 }
-#: limits of the sizes over which the power curve is drawn, in multiples of the noise
+#: bins of the power curve by size, in multiples of the noise, and ticks of its axis
 _SIZES = (0.0, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0, np.inf)
-#: sizes that may be told at its axis
 _TICKS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0)
-#: outcomes of scenarios that hide something, see `discovery_study`
-_OUTCOMES = ("correct", "wrong", "unknown", "missed")
 _DPI = 150
 
 
@@ -49,89 +47,70 @@ def write_discovery(result: dict[str, Any], out: Path) -> None:
 
 def tables(result: dict[str, Any]) -> str:
     """Rates, counts by kind and held-out errors as Markdown."""
-    lines = [
+    head = (
         f"Case {result['case']}, {len(result['scenarios'])} hidden scenarios, seed {result['seed']}, noise "
         f"{result['noise_db']:g} dB, effects at least {result['least_size']:g} times the noise. In brackets: 95 % "
-        "exact binomial interval.",
-        "",
-        "| | rate | of |",
-        "|---|---|---|",
-    ]
+        "exact binomial interval."
+    )
+    rates = []
     for name, text in _RATES.items():
         entry = result["rates"][name]
         # a plant is the only device of its simulator
         if entry["n"] and (name, result["case"]) != ("outside_place", "plant"):
             low, high = entry["interval"]
-            lines.append(f"| {text} | {entry['value']:.3f} [{low:.3f}, {high:.3f}] | {entry['n']} |")
-    lines += [
-        "",
-        "| hidden | correct | wrong | unknown | parameters | false alarm |",
-        "|---|---|---|---|---|---|",
-    ]
-    for kind, counts in result["by_kind"].items():
-        lines.append(f"| {kind} | " + " | ".join(str(n) for n in counts.values()) + " |")
-    lines += [
-        "",
-        "| hidden in | correct | wrong | unknown | parameters |",
-        "|---|---|---|---|---|",
-    ]
-    for device, counts in result["by_device"].items():
-        lines.append(f"| {device} | " + " | ".join(str(n) for n in counts.values()) + " |")
-    lines += ["", "| | |", "|---|---|"]
+            rates.append((text, f"{entry['value']:.3f} [{low:.3f}, {high:.3f}]", entry["n"]))
     facts = {
-        "held-out error, extended over recalibrated model (median, named rightly)": result[
-            "held_out_ratio_median"
-        ],
-        "the same over a fit of the true structure": result["true_structure_ratio_median"],
-        "90 % quantile of that": result["true_structure_ratio_p90"],
-        "expected calibration error of the probabilities": result["expected_calibration_error"],
-        "seconds a search, median": result["seconds_median"],
-        "longest": result["seconds_max"],
-        "simulations a search, median": result["simulations_median"],
+        "held-out error, extended over recalibrated model (median, named rightly)": "held_out_ratio_median",
+        "the same over a fit of the true structure": "true_structure_ratio_median",
+        "90 % quantile of that": "true_structure_ratio_p90",
+        "expected calibration error of the probabilities": "expected_calibration_error",
+        "seconds a search, median": "seconds_median",
+        "longest": "seconds_max",
+        "simulations a search, median": "simulations_median",
     }
-    lines += [f"| {text} | {'' if value is None else f'{value:.3g}'} |" for text, value in facts.items()]
-    failures = [r for r in result["scenarios"] if r["outcome"] != "correct"]
+    figures = [(text, result[name]) for text, name in facts.items()]
+    outcomes = ("correct", "wrong", "unknown", "parameters")
+    parts = [
+        [head],
+        table_lines(("", "rate", "of"), rates),
+        table_lines(("hidden", *outcomes, "false alarm"), _counts(result["by_kind"])),
+        table_lines(("hidden in", *outcomes), _counts(result["by_device"])),
+        table_lines(("", ""), [(text, "" if value is None else f"{value:.3g}") for text, value in figures]),
+    ]
+    failures = []
+    for r in result["scenarios"]:
+        if r["outcome"] != "correct":
+            truth, place = r["truth"], f"at {r['place']['port']}" if r["place"] else ""
+            hidden = f"{truth['device']}: {' + '.join(truth['hidden']) or 'nothing'}"
+            failures.append((hidden, f"{truth['size']:.1f}", r["verdict"], " + ".join(r["named"]) or place))
     if failures:
-        lines += ["", "Not named rightly:", "", "| hidden | size | verdict | named |", "|---|---|---|---|"]
-        for r in failures:
-            hidden = " + ".join(r["truth"]["hidden"]) or "nothing"
-            named = " + ".join(r["named"]) or (f"at {r['place']['port']}" if r["place"] else "")
-            lines.append(
-                f"| {r['truth']['device']}: {hidden} | {r['truth']['size']:.1f} | {r['verdict']} | {named} |"
-            )
-    return "\n".join(lines) + "\n"
+        parts += [["Not named rightly:"], table_lines(("hidden", "size", "verdict", "named"), failures)]
+    return "\n\n".join("\n".join(part) for part in parts) + "\n"
+
+
+def _counts(counts: dict[str, dict[str, int]]) -> list[list[Any]]:
+    return [[name, *row.values()] for name, row in counts.items()]
 
 
 def by_size(result: dict[str, Any]) -> list[dict[str, Any]]:
-    """Outcomes of single effects and measurement faults by the size of what is hidden.
+    """Outcomes of single effects and measurement faults by size.
 
-    Parameters
-    ----------
-    result : dict
-        Of `discovery_study`.
-
-    Returns
-    -------
-    list of dict
-        ``low`` and ``high``, limits of the size in multiples of the noise, its ``median``, ``n`` and the shares
-        ``correct``, ``wrong``, ``unknown`` and ``missed``, each as `rate_of` gives it.
+    Each entry has the limits ``low`` and ``high`` of the size in multiples of the noise, its ``median``, ``n``, and the
+    shares ``correct``, ``wrong``, ``unknown`` and ``missed`` in the form of `rate_of`.
     """
     rows = [r for r in result["scenarios"] if r["truth"]["kind"] in ("effect", "other form", "measurement")]
     found = []
     for low, high in pairwise(_SIZES):
         inside = [r for r in rows if low <= r["truth"]["size"] < high]
         if inside:
-            shares = {name: rate_of([r["outcome"] == name for r in inside]) for name in _OUTCOMES}
+            shares = {name: rate_of([r["outcome"] == name for r in inside]) for name in OUTCOMES}
             median = float(np.median([r["truth"]["size"] for r in inside]))
             found.append({"low": low, "high": high, "median": median, "n": len(inside), **shares})
     return found
 
 
 def power_figure(*results: dict[str, Any]) -> Figure:
-    """Share of effects named rightly over their size, a line for each result: they differ in the noise.
-
-    Bars are exact binomial 95 % intervals.
-    """
+    """Share of effects named rightly over their size, with exact 95 % intervals; a line for each level of noise."""
     figure = figure_of(6.0, 4.0)
     axes = figure.subplots()
     for result, color in zip(results, cycle(COLOURS[1:]), strict=False):
@@ -172,13 +151,8 @@ def reliability_figure(result: dict[str, Any]) -> Figure:
     entries = result["reliability"]
     axes.plot([e["probability"] for e in entries], [e["share"] for e in entries], "o", color="#0b5fa5")
     for e in entries:
-        axes.annotate(
-            f"{e['n']}",
-            (e["probability"], e["share"]),
-            textcoords="offset points",
-            xytext=(6, -10),
-            fontsize=8,
-        )
+        at = (e["probability"], e["share"])
+        axes.annotate(f"{e['n']}", at, textcoords="offset points", xytext=(6, -10), fontsize=8)
     axes.set(
         xlabel="probability of the first cause",
         ylabel="share that is right",

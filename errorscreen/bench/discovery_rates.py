@@ -1,8 +1,8 @@
-"""What many searched scenarios say together: rates, held-out errors, and how well probabilities are calibrated."""
+"""Rates, held-out errors and calibration of probabilities over many searched scenarios."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,55 +12,45 @@ from errorscreen.bench.scenarios import MIX
 
 #: bins of the reliability, and probability of the intervals of rates
 _BINS, _LEVEL = 10, 0.95
+#: outcomes of a scenario that hides something, see `discovery_study`
+OUTCOMES = ("correct", "wrong", "unknown", "missed")
 
 _Record = dict[str, Any]
 
 
 def summarise(rows: Sequence[_Record]) -> dict[str, Any]:
-    """Rates with exact binomial intervals, ratios of held-out errors, and how well probabilities are calibrated."""
-    single = [r for r in rows if r["truth"]["kind"] in ("effect", "other form", "measurement")]
-    outside = [r for r in rows if r["truth"]["kind"] == "outside"]
-    both = [r for r in rows if r["truth"]["kind"] == "two effects"]
-    nothing = [r for r in rows if r["truth"]["kind"] == "nothing"]
+    """Rates with exact binomial intervals, ratios of held-out errors, and calibration of the probabilities."""
 
-    def rate(chosen: Sequence[_Record], holds: Callable[[_Record], bool]) -> dict[str, Any]:
-        return rate_of([holds(r) for r in chosen])
+    def of_kind(*kinds: str) -> list[_Record]:
+        return [r for r in rows if r["truth"]["kind"] in kinds]
 
+    single, outside, both = (
+        of_kind("effect", "other form", "measurement"),
+        of_kind("outside"),
+        of_kind("two effects"),
+    )
+    places = [(r["place"] or {}, r["truth"]) for r in outside]
+    devices = [place.get("device") == truth["device"] for place, truth in places]
+    ports = [place.get("port") == truth["place"] for place, truth in places]
     rates = {
-        "correct": rate(single, lambda r: r["outcome"] == "correct"),
-        "wrong": rate(single, lambda r: r["outcome"] == "wrong"),
-        "unknown": rate(single, lambda r: r["outcome"] == "unknown"),
-        "missed": rate(single, lambda r: r["outcome"] == "missed"),
-        "false_alarm": rate(nothing, lambda r: r["outcome"] == "false alarm"),
-        "outside_unknown": rate(outside, lambda r: r["verdict"] == "unknown"),
-        "outside_place": rate(outside, lambda r: _device(r) == r["truth"]["device"]),
-        "outside_port": rate(outside, lambda r: _port(r) == (r["truth"]["device"], r["truth"]["place"])),
-        "both_found": rate(both, lambda r: r["outcome"] == "correct"),
-        "both_wrong": rate(both, lambda r: not set(r["named"]) <= set(r["truth"]["right"])),
+        **{outcome: rate_of([r["outcome"] == outcome for r in single]) for outcome in OUTCOMES},
+        "false_alarm": rate_of([r["outcome"] == "false alarm" for r in of_kind("nothing")]),
+        "outside_unknown": rate_of([r["verdict"] == "unknown" for r in outside]),
+        "outside_place": rate_of(devices),
+        "outside_port": rate_of([d and p for d, p in zip(devices, ports, strict=True)]),
+        "both_found": rate_of([r["outcome"] == "correct" for r in both]),
+        "both_wrong": rate_of([not set(r["named"]) <= set(r["truth"]["right"]) for r in both]),
         "interval_holds": rate_of([_holds(found) for r in rows for found in r.get("intervals", [])]),
     }
-    by_kind = {
-        kind: {
-            outcome: sum(r["outcome"] == outcome for r in rows if r["truth"]["kind"] == kind)
-            for outcome in ("correct", "wrong", "unknown", "missed", "false alarm")
-        }
-        for kind, _ in MIX
-    }
+    hiding = [r for r in rows if r["truth"]["kind"] != "nothing"]
     by_device = {
-        device: {
-            outcome: sum(
-                r["outcome"] == outcome
-                for r in rows
-                if r["truth"]["device"] == device and r["truth"]["kind"] != "nothing"
-            )
-            for outcome in ("correct", "wrong", "unknown", "missed")
-        }
+        device: _counts([r for r in hiding if r["truth"]["device"] == device], OUTCOMES)
         for device in sorted({r["truth"]["device"] for r in rows} - {""})
     }
     right = [r for r in rows if r["truth"]["right"] and r["outcome"] == "correct"]
     return {
         "rates": rates,
-        "by_kind": by_kind,
+        "by_kind": {kind: _counts(of_kind(kind), (*OUTCOMES, "false alarm")) for kind, _ in MIX},
         "by_device": by_device,
         "held_out_ratio_median": _ratio(right, "extended", "recalibrated"),
         "true_structure_ratio_median": _ratio(right, "extended", "true_structure"),
@@ -72,12 +62,12 @@ def summarise(rows: Sequence[_Record]) -> dict[str, Any]:
     }
 
 
-def rate_of(hits: Sequence[bool]) -> dict[str, Any]:
-    """How often something holds: ``value``, exact binomial 95 % ``interval``, and ``n``; of none, no value.
+def _counts(rows: Sequence[_Record], outcomes: Sequence[str]) -> dict[str, int]:
+    return {outcome: sum(r["outcome"] == outcome for r in rows) for outcome in outcomes}
 
-    Parameters
-    ----------
-    hits : sequence of bool
+
+def rate_of(hits: Sequence[bool]) -> dict[str, Any]:
+    """Share of hits: ``value``, exact binomial 95 % ``interval`` and ``n``; None of no trials.
 
     Examples
     --------
@@ -89,14 +79,6 @@ def rate_of(hits: Sequence[bool]) -> dict[str, Any]:
     # exact: a bootstrap of rates of 0 or 1 has no width
     interval = binomtest(sum(hits), len(hits)).proportion_ci(_LEVEL)
     return {"value": float(np.mean(hits)), "interval": [interval.low, interval.high], "n": len(hits)}
-
-
-def _device(record: _Record) -> str | None:
-    return record["place"]["device"] if record["place"] else None
-
-
-def _port(record: _Record) -> tuple[str, str] | None:
-    return (record["place"]["device"], record["place"]["port"]) if record["place"] else None
 
 
 def _holds(found: _Record) -> bool:
@@ -122,12 +104,7 @@ def _calibration(rows: Sequence[_Record]) -> dict[str, Any]:
     for b in range(_BINS):
         inside = bins == b
         if inside.any():
-            reliability.append(
-                {
-                    "probability": float(p[inside].mean()),
-                    "share": float(right[inside].mean()),
-                    "n": int(inside.sum()),
-                }
-            )
-            error += inside.mean() * abs(p[inside].mean() - right[inside].mean())
+            probability, share = float(p[inside].mean()), float(right[inside].mean())
+            reliability.append({"probability": probability, "share": share, "n": int(inside.sum())})
+            error += inside.mean() * abs(probability - share)
     return {"reliability": reliability, "expected_calibration_error": float(error)}

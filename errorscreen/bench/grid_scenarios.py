@@ -1,4 +1,4 @@
-"""Hidden scenarios of the modified 39-bus system: three plants with 40 deviating parameters, and something missing."""
+"""Hidden scenarios of the modified 39-bus system: three plants with 40 deviating parameters and hidden effects."""
 
 from __future__ import annotations
 
@@ -10,23 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen.bench.hidden_effects import OTHER_FORMS, OUTSIDE
-from errorscreen.bench.paper_draw import (
-    FIT_EVENTS,
-    STEP,
-    TRUE_STEP,
-    Effort,
-    Setting,
-    noise_of,
-    step_error,
-)
-from errorscreen.bench.scenarios import (
-    LEAST_SIZE,
-    Scenario,
-    Setup,
-    draw_kind,
-    draw_scenario,
-    pick,
-)
+from errorscreen.bench.paper_draw import FIT_EVENTS, STEP, TRUE_STEP, Effort, Setting, noise_of, step_error
+from errorscreen.bench.scenarios import Scenario, Setup, draw_kind, draw_scenario, pick
 from errorscreen.cases import ieee39_events, load_ieee39
 from errorscreen.data.observations import Observation
 from errorscreen.effects import Effect
@@ -38,27 +23,11 @@ _Array = NDArray[np.float64]
 
 
 def draw_grid_scenario(
-    seed: Any,
-    noise_db: float,
-    *,
-    kind: str | None = None,
-    device: str | None = None,
-    least_size: float = LEAST_SIZE,
-    largest_size: float | None = None,
+    seed: Any, noise_db: float, *, kind: str | None = None, device: str | None = None, **sizes: Any
 ) -> Scenario:
-    """Draw one scenario; three events are fitted, those of the case study, and all others held out.
+    """Draw one scenario with the case study's three events to fit and all others to judge on.
 
-    Parameters
-    ----------
-    seed : int or SeedSequence
-    noise_db : float
-        See `Setting`.
-    kind, device : str, optional
-        Drawn where not given; `device` is where the first effect is hidden.
-    least_size : float
-        Effects whose size is less are drawn again.
-    largest_size : float, optional
-        Where given, strengths are scaled to sizes drawn between the two, evenly by order of magnitude.
+    The kind is drawn where not given. For `noise_db` see `Setting`, for `sizes` `draw_scenario`.
     """
     rng = np.random.default_rng(seed)
     drawn = draw_kind(rng)
@@ -66,7 +35,7 @@ def draw_grid_scenario(
     setup = _setup()
     lower, upper = setup.truth.parameters.bounds.T
     theta = rng.uniform(lower, upper)
-    return draw_scenario(setup, rng, kind, device, theta, noise_db, least_size, largest_size)
+    return draw_scenario(setup, rng, kind, device, theta, noise_db, **sizes)
 
 
 @cache
@@ -79,7 +48,7 @@ def _setup() -> Setup:
 def _record(
     events: Sequence[GridEvent], responses: Sequence[_Array], noise_db: float, seed: int
 ) -> tuple[list[Observation], Simulator]:
-    """Add noise to each channel."""
+    """Add noise to each channel of the responses."""
     rng = np.random.default_rng(seed)
     model = _model()
     observations = []
@@ -94,37 +63,35 @@ def _record(
 def _draw_effects(
     kind: str, device: str | None, rng: np.random.Generator
 ) -> tuple[tuple[Effect, ...], tuple[str, ...]]:
-    """Hidden effects and the names that are right."""
+    """Draw hidden effects and the names that are right."""
     device = device or str(rng.choice(list(DEVICES)))
-    library = _model().effects
-    mechanisms = [e for e in library if e.kind == "mechanism"]
-    if kind == "nothing":
-        return (), ()
-    if kind == "effect":
-        chosen = pick(rng, [e for e in mechanisms if e.device == device])
-        return (chosen,), (chosen.name,)
-    if kind == "two effects":
-        first = pick(rng, [e for e in mechanisms if e.device == device])
-        second = pick(rng, [e for e in mechanisms if e is not first])
-        return (first, second), (first.name, second.name)
+    mechanisms = [e for e in _model().effects if e.kind == "mechanism"]
+    of_device = [e for e in mechanisms if e.device == device]
     if kind == "other form":
-        effect, name = OTHER_FORMS[device][rng.integers(len(OTHER_FORMS[device]))]
+        effect, name = pick(rng, OTHER_FORMS[device])
         return (effect.at(device),), (f"{device}.{name}",)
     if kind == "outside":
         return (pick(rng, OUTSIDE[device]).at(device),), ()
-    chosen = pick(rng, [e for e in library if e.kind in ("measurement", "event")])
-    return (chosen,), (chosen.name,)
+    if kind == "nothing":
+        chosen: tuple[Effect, ...] = ()
+    elif kind == "two effects":
+        first = pick(rng, of_device)
+        chosen = (first, pick(rng, [e for e in mechanisms if e is not first]))
+    else:
+        faults = [e for e in _model().effects if e.kind in ("measurement", "event")]
+        chosen = (pick(rng, of_device if kind == "effect" else faults),)
+    return chosen, tuple(e.name for e in chosen)
 
 
 @cache
 def _model() -> PowerSystemSimulator:
-    """What is fitted."""
+    """Model to fit."""
     return load_ieee39(step=STEP, n_threads=1)
 
 
 @cache
 def _truth() -> PowerSystemSimulator:
-    """Simulator of hidden truths, with every effect of the library and all that only truths have."""
+    """Simulator of hidden truths, with all effects of the library and of `hidden_effects`."""
     own = [e.at(d) for d in DEVICES for e in (*(e for e, _ in OTHER_FORMS[d]), *OUTSIDE[d])]
     library = [e for e in _model().effects if e.kind != "latent"]
     return load_ieee39(step=TRUE_STEP, n_threads=1, effects=(*library, *own))

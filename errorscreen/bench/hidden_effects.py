@@ -1,6 +1,6 @@
-r"""Effects that only hidden truths have: other forms of effects of the library, and effects that it does not hold.
+r"""Effects of hidden truths alone: other forms of effects of the library, and effects outside of the library.
 
-Models that are fitted never see these equations. Other forms are right if they are called by the library's name:
+No fitted model holds these equations. An effect in another form is named rightly by the library's name:
 
 .. math::
 
@@ -9,8 +9,8 @@ Models that are fitted never see these equations. Other forms are right if they 
     S(E) &= A\,E^{n} - A\,E_0^{n}                                                                            & (H3)\\
     \big(1 + \tfrac{T}{3}\tfrac{d}{dt}\big)^3 y &= u                                                            & (H4)
 
-an exciter with a proportional-integral regulator, a governor whose dead band has a step at its edge, a saturation
-by a power of the voltage, and three equal lags in series. Outside of the library:
+an exciter with a PI regulator, a governor whose dead band has a step at its edge, a saturation by a power of the
+voltage, and three equal lags in series. Outside of the library:
 
 .. math::
 
@@ -18,8 +18,8 @@ by a power of the voltage, and three equal lags in series. Outside of the librar
     u &= u^* + A\,s\big((t - t_1)/T\big)\,\big(1 - s((t - t_2)/T)\big)                          & (H6)\\
     u &= u^* + A\,(V_0 - V)\,|V_0 - V|                                                                       & (H7)
 
-a braking resistor, something that is switched on and off inside the plant with smooth steps s (fast valving, a cloud, a
-capacitor bank), and a reaction to the square of the voltage.
+a braking resistor, a quantity switched on and off with smooth steps s (fast valving, a cloud, a capacitor bank), and a
+reaction to the square of the voltage.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _E_MIN, _E_MAX = 0.0, 5.0
 
 
 def pi_exciter(value: Any, V: Any, V0: Any, Efd0: Any, x: Any, E: Any, K: Any, KI: Any, TE: Any) -> Any:
-    """Exciter with a proportional-integral regulator, (H1)."""
+    """Exciter with a PI regulator, (H1)."""
     e = V0 - V
     low, high = clip(_E_MIN - Efd0, -1e9, 0.0), clip(_E_MAX - Efd0, 0.0, 1e9)
     y = clip(K * e + x, low, high)
@@ -55,7 +55,7 @@ def stepped_governor(
 
 
 def power_saturation(value: Any, Eq1: Any, S0: Any, A: Any) -> Any:
-    """Saturation of a power of the voltage, (H3)."""
+    """Saturation by a power of the voltage, (H3)."""
     E2 = Eq1 * Eq1
     return (value - (A * E2 * E2 * E2 - S0),)
 
@@ -72,7 +72,7 @@ def brake(value: Any, omega: Any, V: Any, A: Any, d: Any) -> Any:
 
 
 def switched(value: Any, t: Any, A: Any, t1: Any, t2: Any, T: Any) -> Any:
-    """Something switched on and off, (H6)."""
+    """Quantity switched on and off, (H6)."""
     on = smooth_step((t - t1) / T) * (1.0 - smooth_step((t - t2) / T))
     return value + A * on, 1.0 + 0.0 * t
 
@@ -90,24 +90,8 @@ def _start_saturation(values: Values, h: float) -> Values:
     return {"S0": values["A"] * values["Eq1"] ** 6}
 
 
-def _start_lags(level: Any) -> Any:
-    return {"x": level, "y": level, "z": level}
-
-
-def _start_active(values: Values, h: float) -> Values:
-    return _start_lags(values["P"] / values["V"] * np.ones_like(values["T"]))
-
-
-def _start_reactive(values: Values, h: float) -> Values:
-    return _start_lags(values["Q"] / values["V"] * np.ones_like(values["T"]))
-
-
-def _start_Q(values: Values, h: float) -> Values:
-    return _start_lags(values["Q"] * np.ones_like(values["T"]))
-
-
-def _v(name: str, low: float, high: float, typical: float | None = None) -> Any:
-    return value(name, 0.5 * (low + high) if typical is None else typical, low, high, "", "hidden", name, "")
+def _v(name: str, low: float, high: float) -> Any:
+    return value(name, 0.5 * (low + high), low, high, "", "hidden", name, "")
 
 
 def _s(name: str, high: float) -> Any:
@@ -119,14 +103,16 @@ def _switched(name: str, title: str, port: str, size: float) -> Effect:
     return Effect(name, title, port, switched, parameters, states=("t",))
 
 
-def _three_lags(kind: str, port: str, start: Callable[[Values, float], Values]) -> Effect:
-    states = ("x", "y", "z")
-    return Effect(
-        f"three_lags_{kind}", "Three lags", port, three_lags, (_s("T", 0.3),), states=states, initialise=start
-    )
+def _three_lags(kind: str, port: str, level: Callable[[Values], Any]) -> Effect:
+    def start(values: Values, h: float) -> Values:
+        x = level(values) * np.ones_like(values["T"])
+        return {"x": x, "y": x, "z": x}
+
+    name, states = f"three_lags_{kind}", ("x", "y", "z")
+    return Effect(name, "Three lags", port, three_lags, (_s("T", 0.3),), states=states, initialise=start)
 
 
-#: by device: effect in another form, and the name of the library that is right
+#: by device: effects in another form, each with the library's name
 OTHER_FORMS: dict[str, tuple[tuple[Effect, str], ...]] = {
     "synchronous_machine": (
         (Effect("pi_exciter", "PI exciter", "Efd", pi_exciter,
@@ -139,16 +125,16 @@ OTHER_FORMS: dict[str, tuple[tuple[Effect, str], ...]] = {
                 derived=("S0",), initialise=_start_saturation), "saturation"),
     ),
     "dfig_plant": (
-        (_three_lags("active", "Ip_cmd", _start_active), "lag_active"),
-        (_three_lags("reactive", "Qcmd", _start_Q), "lag_reactive"),
+        (_three_lags("active", "Ip_cmd", lambda v: v["P"] / v["V"]), "lag_active"),
+        (_three_lags("reactive", "Qcmd", lambda v: v["Q"]), "lag_reactive"),
     ),
     "pv_plant": (
-        (_three_lags("active", "Ip_cmd", _start_active), "lag_active"),
-        (_three_lags("reactive", "Iq_cmd", _start_reactive), "lag_reactive"),
+        (_three_lags("active", "Ip_cmd", lambda v: v["P"] / v["V"]), "lag_active"),
+        (_three_lags("reactive", "Iq_cmd", lambda v: v["Q"] / v["V"]), "lag_reactive"),
     ),
 }  # fmt: skip
 
-#: by device: effects that the library does not hold
+#: by device: effects outside of the library
 OUTSIDE: dict[str, tuple[Effect, ...]] = {
     "synchronous_machine": (
         Effect("brake", "Braking resistor", "Pm", brake, (_s("A", 0.5), _v("d", 0.0005, 0.004))),

@@ -1,9 +1,10 @@
-"""What the labels of the 39-bus case study cost: time, memory, growth with their number, and the ratio to ANDES."""
+"""Cost of the labels of the 39-bus case study: time, memory, growth with their number, and ratio to ANDES."""
 
 from __future__ import annotations
 
 import importlib.util
 import json
+import logging
 import warnings
 from collections.abc import Callable
 from importlib.metadata import version
@@ -13,8 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from errorscreen.bench.markdown import table_lines
 from errorscreen.bench.timing import in_new_process, peak_gib
 from errorscreen.cases import load_ieee39
+from errorscreen.data.panels import COLOURS, MEASURED, figure_of, tidy
 from errorscreen.exceptions import MissingExtraError
 from errorscreen.learning.generation import generate_dataset
 
@@ -22,60 +25,50 @@ from errorscreen.learning.generation import generate_dataset
 SAMPLES = 2500
 #: longest steps of the integration in seconds: a coarse one and the default
 COARSE, DEFAULT = 0.005, 0.0025
-#: about how many simulations the growth is measured with, and up to how many the best of three rounds counts
+#: numbers of simulations that measure the growth; up to `REPEATED` the best of three rounds counts
 SIZES, REPEATED = (1_000, 3_000, 10_000, 30_000, 100_000), 10_000
-#: New England system as it comes with ANDES, and runs of which the best counts, at its default step and at `COARSE`
+#: New England system of ANDES, and runs of which the best counts, at its default step and at `COARSE`
 ANDES_CASE, ANDES_RUNS, ANDES_COARSE_RUNS = "ieee39/ieee39_full.xlsx", 5, 2
-_COLOUR, _GRID = "#0072b2", "#dddddd"
+
+_log = logging.getLogger(__name__)
 
 
-def measure_labels(report: Callable[[str], None]) -> dict[str, Any]:
-    """Measure and return the keys of `errorscreen.bench.measure_speed` that are about labels.
-
-    Parameters
-    ----------
-    report : callable
-        Takes lines of text while it measures.
-    """
+def measure_labels() -> dict[str, Any]:
+    """Measure, and return the keys of `errorscreen.bench.measure_speed` about labels."""
     coarse, default = (label_run_in_new_process(step, SAMPLES) for step in (COARSE, DEFAULT))
     for step, run in ((COARSE, coarse), (DEFAULT, default)):
-        report(f"labels at {1e3 * step:g} ms: {run['simulations']} simulations in {run['seconds']:.1f} s")
-    peaks = [run["peak_gib"] for run in (coarse, default) if run["peak_gib"] is not None]
+        _log.info("labels at %g ms: %d simulations in %.1f s", 1e3 * step, run["simulations"], run["seconds"])
     growth = label_scaling()
     result = {
         "labels_102500_seconds": coarse["seconds"],
         "labels_102500_seconds_default_step": default["seconds"],
-        "labels_peak_gib": max(peaks, default=None),
+        "labels_peak_gib": max(filter(None, (coarse["peak_gib"], default["peak_gib"])), default=None),
         "labels_simulations": default["simulations"],
         "labels_threads": default["threads"],
         "labels_scaling": growth,
         "labels_exponent": exponent(growth),
+        "andes": measure_andes(),
+        "ratio_to_andes": None,
+        "ratio_to_andes_default_step": None,
     }
-    report(f"labels: seconds grow with the {result['labels_exponent']:.2f}th power of the number")
-    result["andes"] = andes = measure_andes()
+    _log.info("labels: seconds grow with the %.2fth power of the number", result["labels_exponent"])
+    andes = result["andes"]
     if andes is None:
-        report(f"{MissingExtraError('ANDES', extra='andes')}, to measure the ratio to it")
-        return {**result, "ratio_to_andes": None, "ratio_to_andes_default_step": None}
-    andes["ratios"] = [
-        _ratio(step, run, name, andes)
-        for step, run, name in (
-            (COARSE, coarse, "default_step"),
-            (DEFAULT, default, "default_step"),
-            (COARSE, coarse, "coarse_step"),
-        )
+        _log.info("%s, to measure the ratio to it", MissingExtraError("ANDES", extra="andes"))
+        return result
+    first, second, _ = andes["ratios"] = [
+        _ratio(COARSE, coarse, "default_step", andes),
+        _ratio(DEFAULT, default, "default_step", andes),
+        _ratio(COARSE, coarse, "coarse_step", andes),
     ]
-    report(f"ANDES: {andes['default_step_seconds']:.2f} s a run; {ratio_sentence(andes)}")
-    ratio, ratio_default_step, _ = (row["ratio"] for row in andes["ratios"])
-    return {**result, "ratio_to_andes": ratio, "ratio_to_andes_default_step": ratio_default_step}
+    _log.info("ANDES: %.2f s a run; %s", andes["default_step_seconds"], ratio_sentence(andes))
+    return {**result, "ratio_to_andes": first["ratio"], "ratio_to_andes_default_step": second["ratio"]}
 
 
 def label_run(step: float, samples: int) -> dict[str, Any]:
     """Time `generate_dataset` on the 39-bus system in this process, without imports and compilation.
 
-    Returns
-    -------
-    dict
-        ``simulations``, ``seconds``, ``threads``, and ``peak_gib`` of the whole process.
+    The result has ``simulations``, ``seconds``, ``threads``, and ``peak_gib`` of the whole process.
     """
     import numba
 
@@ -92,29 +85,25 @@ def label_run(step: float, samples: int) -> dict[str, Any]:
 
 
 def label_run_in_new_process(step: float, samples: int) -> dict[str, Any]:
-    """Return what `label_run` finds in a process that does nothing else."""
+    """Return the result of `label_run` from a process that does nothing else."""
     return _call_in_new_process(label_run, step, samples)
 
 
 def label_scaling() -> list[dict[str, float]]:
-    """Seconds of `generate_dataset` at a step of 5 ms for about so many simulations as `SIZES` says.
+    """Seconds of `generate_dataset` at a step of 5 ms by the number of simulations, about `SIZES`.
 
-    Returns
-    -------
-    list of dict
-        ``n`` is the exact number of simulations (a multiple of 41) and ``seconds`` what they took; up to `REPEATED`
-        the best of three rounds, because there a hiccup of the machine would count.
+    Each ``n`` is the exact number, a multiple of 41. Small numbers take the best of three rounds, because a hiccup of
+    the machine would count there.
     """
-    growth = []
+    cost, growth = len(load_ieee39().parameters) + 1, []
     for size in SIZES:
-        cost = len(load_ieee39().parameters) + 1
         runs = [label_run(COARSE, max(1, round(size / cost))) for _ in range(3 if size <= REPEATED else 1)]
         growth.append({"n": runs[0]["simulations"], "seconds": min(run["seconds"] for run in runs)})
     return growth
 
 
 def exponent(growth: list[dict[str, float]]) -> float:
-    """Exponent p of the power law seconds ~ n^p that fits best in logarithms.
+    """Exponent p of the power law seconds ~ n^p, fitted in logarithms.
 
     Examples
     --------
@@ -129,29 +118,22 @@ def measure_andes() -> dict[str, Any] | None:
     """Seconds of a run of ANDES in a new process at both steps; None where it is not installed."""
     if importlib.util.find_spec("andes") is None:
         return None
-    default = _call_in_new_process(andes_run, None, ANDES_RUNS)
-    coarse = _call_in_new_process(andes_run, COARSE, ANDES_COARSE_RUNS)
-    return {
-        "version": version("andes"),
-        "case": ANDES_CASE,
-        "variables": default["variables"],
-        "default_step": default["step"],
-        "default_step_seconds": default["seconds"],
-        "coarse_step": coarse["step"],
-        "coarse_step_seconds": coarse["seconds"],
-    }
+    found: dict[str, Any] = {"version": version("andes"), "case": ANDES_CASE}
+    for kind, step, runs in (("default", None, ANDES_RUNS), ("coarse", COARSE, ANDES_COARSE_RUNS)):
+        run = _call_in_new_process(andes_run, step, runs)
+        found |= {
+            f"{kind}_step": run["step"],
+            f"{kind}_step_seconds": run["seconds"],
+            "variables": run["variables"],
+        }
+    return found
 
 
 def andes_run(step: float | None, runs: int) -> dict[str, Any]:
     """Time the New England system in ANDES: 5 s with a fault at bus 3 from 1.0 to 1.1 s; the best of several runs.
 
-    Only the integration counts; reading the case, set-up, load flow and initialisation do not.
-
-    Parameters
-    ----------
-    step : float or None
-        Fixed step in seconds; that of ANDES where None.
-    runs : int
+    Only the integration counts, not reading, set-up, load flow and initialisation. `step` is a fixed step in seconds,
+    that of ANDES where None.
     """
     import andes
 
@@ -177,7 +159,7 @@ def andes_run(step: float | None, runs: int) -> dict[str, Any]:
 
 
 def ratio_sentence(andes: dict[str, Any]) -> str:
-    """Ratios of throughput to ANDES, each with the steps it holds for."""
+    """Ratios of throughput to ANDES, each with its steps."""
     return "; ".join(
         f"{r['ratio']:.0f} times its throughput ({r['per_core']:.0f} per core) at {1e3 * r['step']:g} ms "
         f"against {1e3 * r['andes_step']:.3g} ms"
@@ -186,58 +168,54 @@ def ratio_sentence(andes: dict[str, Any]) -> str:
 
 
 def label_rows(result: dict[str, Any]) -> list[str]:
-    """Lines of the table of a result about labels; none where they were left out."""
+    """Lines of the table about labels; none where labels were left out."""
     if "labels_scaling" not in result:
         return []
-    peak, growth, andes = (result[k] for k in ("labels_peak_gib", "labels_scaling", "andes"))
-    times = (result["labels_102500_seconds"], result["labels_102500_seconds_default_step"])
-    headings = (f"{result['labels_simulations']} simulations at {1e3 * s:g} ms" for s in (COARSE, DEFAULT))
-    lines = [
-        "",
-        "| labels of the 39-bus system | |",
-        "|---|---|",
-        *(f"| {heading} | {seconds:.1f} s |" for heading, seconds in zip(headings, times, strict=True)),
-        f"| most memory of their process | {'unknown' if peak is None else f'{peak:.2f} GiB'} |",
-        *(f"| {row['n']} simulations at {1e3 * COARSE:g} ms | {row['seconds']:.2f} s |" for row in growth),
-        f"| fitted exponent of the growth | {result['labels_exponent']:.3f} |",
+    peak, andes, number = result["labels_peak_gib"], result["andes"], result["labels_simulations"]
+    cells = [
+        (f"{number} simulations at {1e3 * COARSE:g} ms", f"{result['labels_102500_seconds']:.1f} s"),
+        (
+            f"{number} simulations at {1e3 * DEFAULT:g} ms",
+            f"{result['labels_102500_seconds_default_step']:.1f} s",
+        ),
+        ("most memory of their process", "unknown" if peak is None else f"{peak:.2f} GiB"),
     ]
+    for row in result["labels_scaling"]:
+        cells.append((f"{row['n']} simulations at {1e3 * COARSE:g} ms", f"{row['seconds']:.2f} s"))
+    cells.append(("fitted exponent of the growth", f"{result['labels_exponent']:.3f}"))
+    note = []
     if andes is None:
-        return [*lines, f"| ratio to ANDES | not measured: {MissingExtraError('ANDES', extra='andes')} |"]
-    for kind in ("default", "coarse"):
-        step, seconds = andes[f"{kind}_step"], andes[f"{kind}_step_seconds"]
-        lines.append(f"| ANDES {andes['version']}, one run at {1e3 * step:.3g} ms | {seconds:.2f} s |")
-    lines += [
-        f"| ratio to ANDES: {1e3 * r['step']:g} ms against its {1e3 * r['andes_step']:.3g} ms | "
-        f"{r['ratio']:.0f} ({r['per_core']:.0f} per core) |"
-        for r in andes["ratios"]
-    ]
-    return [
-        *lines,
-        "",
-        f"ANDES: its own {andes['case']} ({andes['variables']} variables; ten machines with governors, exciters and "
-        "stabilisers, so not the same model), the same fault, integration only, best of "
-        f"{ANDES_RUNS} and {ANDES_COARSE_RUNS} runs, extrapolated to the number of simulations. It runs on one "
-        f"core; the labels ran on {result['labels_threads']}, and the ratio per core is what is left if as many "
-        "runs of ANDES go side by side without slowing each other down.",
-    ]
+        cells.append(("ratio to ANDES", f"not measured: {MissingExtraError('ANDES', extra='andes')}"))
+    else:
+        for kind in ("default", "coarse"):
+            title = f"ANDES {andes['version']}, one run at {1e3 * andes[f'{kind}_step']:.3g} ms"
+            cells.append((title, f"{andes[f'{kind}_step_seconds']:.2f} s"))
+        for r in andes["ratios"]:
+            title = f"ratio to ANDES: {1e3 * r['step']:g} ms against its {1e3 * r['andes_step']:.3g} ms"
+            cells.append((title, f"{r['ratio']:.0f} ({r['per_core']:.0f} per core)"))
+        note = [
+            "",
+            f"ANDES: its own {andes['case']} ({andes['variables']} variables; ten machines with governors, exciters "
+            "and stabilisers, so not the same model), the same fault, integration only, best of "
+            f"{ANDES_RUNS} and {ANDES_COARSE_RUNS} runs, extrapolated to the number of simulations. It runs on one "
+            f"core; the labels ran on {result['labels_threads']}. The ratio per core assumes that as many runs of "
+            "ANDES in parallel do not slow each other down.",
+        ]
+    return ["", *table_lines(("labels of the 39-bus system", ""), cells), *note]
 
 
 def plot_labels(result: dict[str, Any], path: Path) -> None:
-    """Write the growth of time with the number of simulations as a log-log plot, beside a straight proportion."""
-    from matplotlib.figure import Figure
-
+    """Write the growth of time with the number of simulations as a log-log plot, with a line in proportion."""
     n, seconds = np.array([[row["n"], row["seconds"]] for row in result["labels_scaling"]]).T
-    figure = Figure(figsize=(5.5, 3.6), layout="constrained")
+    figure = figure_of(5.5, 3.6)
     axes = figure.subplots()
     proportion = np.exp(np.mean(np.log(seconds / n)))
-    axes.loglog(n, proportion * n, color="#8d99a3", lw=1.2, ls="--", label="proportional to $n$")
+    axes.loglog(n, proportion * n, color=MEASURED, lw=1.2, ls="--", label="proportional to $n$")
     label = f"measured, $n^{{{result['labels_exponent']:.2f}}}$"
-    axes.loglog(n, seconds, color=_COLOUR, marker="o", ls="none", label=label)
-    axes.set_xlabel("simulations $n$")
-    axes.set_ylabel("seconds")
+    axes.loglog(n, seconds, color=COLOURS[1], marker="o", ls="none", label=label)
+    axes.set(xlabel="simulations $n$", ylabel="seconds")
     axes.set_title(f"labels of the 39-bus system, step {1e3 * COARSE:g} ms", fontsize=10)
-    axes.grid(color=_GRID, lw=0.6)
-    axes.spines[["top", "right"]].set_visible(False)
+    tidy(axes)
     axes.legend(frameon=False)
     figure.savefig(path, dpi=110, metadata={"Software": None})
 

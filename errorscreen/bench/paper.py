@@ -1,8 +1,9 @@
-"""The paper's case study on many hidden draws: rankings, calibrations and their gain on events that were not fitted."""
+"""The paper's case study on many hidden draws: rankings, calibrations and their gain on held-out events."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import logging
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from time import perf_counter
@@ -39,15 +40,15 @@ from errorscreen.metrics import reduction
 from errorscreen.screening import ContributionScreener, contribution_pipeline
 
 SCHEMA_VERSION = 1
-#: what the paper reaches on its one draw, equation (23): reduction of E_U and E_P by the network's ten
+#: the paper's result on its one draw, equation (23): reduction of E_U and E_P by the network's ten
 PUBLISHED = (0.8534, 0.9009)
-#: χ²/N up to which a fit counts as at the noise floor
+#: largest χ²/N of a fit at the noise floor
 FLOOR = 1.05
 #: resampled sets of draws for intervals, and their probability
 _BOOTSTRAP, _LEVEL = 2000, 0.95
 
-#: what differs from `contribution_pipeline`. "whitened": the images are small, which leaves time for more samples;
-#: "published": the paper's form, energies alone and one scale for each channel, on errors that are not whitened
+#: differences from `contribution_pipeline`. "whitened": small images, which leave time for more samples; "published":
+#: the paper's form, energies alone and one scale for each channel, on errors that are not whitened
 NETWORKS: dict[str, dict[str, Any]] = {
     "whitened": {
         "cwttransformer__n_frequencies": 16,
@@ -67,13 +68,13 @@ NETWORKS: dict[str, dict[str, Any]] = {
 }
 _PUBLISHED_EFFORT = Effort(samples=2500, enlarged=0, epochs=25)
 
+_log = logging.getLogger(__name__)
 _Array = NDArray[np.float64]
 _Draw = dict[str, NDArray[Any]]
 
 
 def paper_study(
     out: str | Path,
-    report: Callable[[str], None] = print,
     *,
     draws: int = 100,
     seed: int = 0,
@@ -86,48 +87,36 @@ def paper_study(
     """Run the case study, write result, tables and figures into ``out``, and return the result.
 
     Each draw hides 40 parameters, uniform inside their bounds, in a simulation with a tenth of the step, and measures
-    all events. Rankings see the paper's event alone; the ten parameters that each of them puts first are calibrated on
-    it by particle swarm, as in the paper. Beside it all 40 are calibrated by bounded least squares, on that event and
-    on three. What is finished stays in ``out/stages``: the same call goes on from there.
+    all events. Rankings see the paper's event alone. The first ten parameters of each are calibrated on it by particle
+    swarm, as in the paper. All 40 are calibrated by bounded least squares too, on that event and on three. Finished
+    stages stay in ``out/stages``: the same call goes on from there.
 
     Parameters
     ----------
     out : str or Path
-        Folder, made where it is missing.
-    report : callable
-        Takes lines of text.
+        Folder; made where it is missing.
     draws : int
     seed : int
-        Of hidden parameters, noise, samples, network and searches. A draw does not depend on how many there are.
+        Of hidden parameters, noise, samples, network and searches. A draw does not depend on the number of draws.
     noise_db : float or None
         See `Setting`; None is without noise.
     network : {"whitened", "published"}
-        What ``cnn`` is: on whitened errors and many samples, see `ContributionScreener` and `enlarge_dataset`, or in
-        the paper's form: energies alone, 64 x 256, of the errors as they are.
+        Form of ``cnn``: whitened errors and many samples, see `ContributionScreener` and `enlarge_dataset`, or the
+        paper's: energies alone, 64 x 256, of the errors as they are.
     effort : Effort, optional
         That of `effort_of` where not given.
     n_jobs : int, optional
-        Processes that share the draws; the result does not depend on it, times do.
+        Processes that share the draws. They do not change the result, only the times.
     progress : bool
+        Whether to show progress bars.
 
     Returns
     -------
     dict
         ``methods.<name>`` for the rankings ``random``, ``sensitivity``, ``identifiability``, ``cnn``, ``map`` and
-        ``oracle`` and for ``map_all``: ``overlap_at_10`` (mean share of the ten truly largest contributions) with its
-        interval; ``fit`` and ``held_out``, for U and P the reduction of E, equation (23), against the
-        true response: ``median``, ``p10`` and their bootstrap intervals, where every pair of draw and held-out
-        event counts once; ``fit_measured``, the reduction of E against the noisy recording;
-        ``reaches_paper`` and ``reaches_paper_measured``, shares of the draws that reach the paper's reductions of both
-        channels against the truth and against the recording; ``failed``, pairs of draw and event in which the
-        calibrated model could not be simulated, which count as no reduction; ``simulations`` and ``seconds``
-        of ranking and calibration together, mean over draws. ``map`` and ``map_all`` have ``three_events`` as well.
-        ``map_all`` has ``noise_floor_share``, the share of draws with χ²/N ≤ 1.05; ``noise_floor_share_of_truth``, the
-        same at the true parameters, where noise alone decides; ``search_share``, the share whose objective (χ² and
-        prior) is not above that of the truth, so that the search missed nothing; ``converged_share``; ``coverage``
-        of the 90 % intervals of identifiable parameters, of which a fit that has not converged has none; and
-        ``coverage_by_parameter``. Its ``overlap_at_10`` is None: it does not rank. ``map`` has
-        ``expected_overlap_at_10``, the overlap that its samples expect of its first ten.
+        ``oracle`` and for the fit ``map_all`` of all parameters: overlap of the first ten parameters with the truly
+        first ten, reductions of E, equation (23), on fitted and held-out events, and cost. ``map_all`` also tells
+        about χ², convergence and the coverage of the intervals. The guide page on the case study lists all keys.
 
     Raises
     ------
@@ -138,12 +127,12 @@ def paper_study(
     """
     draws = check_integer(draws, "the number of draws", low=1)
     seed = check_integer(seed, "the seed", low=0, high=2**32 - 1)
-    if n_jobs == 0:  # joblib would say so, but only after the training
+    if n_jobs == 0:  # joblib would refuse it only after the training
         raise InputError("the number of jobs is 0", allowed="None, a positive number, or -1 for all cores")
     if noise_db is not None:
         noise_db = check_real(noise_db, "noise_db", low=0.0, high=100.0)
     import_network()
-    usual = effort_of(network)  # an unknown network is refused beside a given effort, too
+    usual = effort_of(network)  # refuses an unknown network even where an effort is given
     out, effort = Path(out), usual if effort is None else effort
     setting = Setting(seed, noise_db, effort)
     started = perf_counter()
@@ -151,17 +140,15 @@ def paper_study(
         "program": program(),
         "seed and noise": digest(seed, noise_db),
         "effort": digest(effort),
-        "study": digest(
-            FIT_EVENTS, RANKINGS, STEP, TRUE_STEP, NETWORKS[network], list(setting.events.values())
-        ),
+        "study": digest(FIT_EVENTS, RANKINGS, STEP, TRUE_STEP, NETWORKS[network], [*setting.events.values()]),
         "simulator": digest(setting.simulator.settings()),
         "parameters": digest(list(setting.simulator.parameters)),
     }
     step_errors = step_error(setting)
-    read, trained = _read(setting, draws, network, step_errors, out, fingerprint, report, progress)
+    read, trained = _read(setting, draws, network, step_errors, out, fingerprint, progress)
     store = Store(out / "stages" / "draws", fingerprint)
     done = store.load(range(draws))
-    report(f"{draws} draws" + (f", {len(done)} of them finished before" if done else ""))
+    _log.info("%d draws, %d of them finished before", draws, len(done))
     missing = [i for i in range(draws) if i not in done]
     tasks = (delayed(run_draw)(setting, i, step_errors, read[i]) for i in missing)
     finished = Parallel(n_jobs=n_jobs, return_as="generator")(tasks)
@@ -194,16 +181,7 @@ def paper_study(
 
 
 def effort_of(network: str) -> Effort:
-    """Effort of the study with one of its two networks; the paper's learns from 2500 samples.
-
-    Parameters
-    ----------
-    network : {"whitened", "published"}
-
-    Raises
-    ------
-    InputError
-        If there is no such network.
+    """Effort of the study with a network of `NETWORKS`; the paper's learns from 2500 samples.
 
     Examples
     --------
@@ -234,41 +212,36 @@ def _read(
     step_errors: dict[str, _Array],
     out: Path,
     fingerprint: dict[str, str],
-    report: Callable[[str], None],
     progress: bool,
 ) -> tuple[_Array, dict[str, Any]]:
-    """Contributions (draws, m) that the network reads off the calibration event, and what its training took."""
+    """Contributions (draws, m) by the network from the calibration event, and the cost of its training."""
     effort, event = setting.effort, setting.events[FIT_EVENTS[0]]
     store = Store(out / "stages" / f"network-{draws}", fingerprint)
     stored = store.load([0])
     if not stored:
         simulator = load_ieee39(step=STEP)
-        report(f"{_simulations(effort, setting)} simulations for the training set")
+        _log.info("%d simulations for the training set", _simulations(effort, setting))
         started = perf_counter()
         dataset = generate_dataset(
             simulator, effort.samples, event,
             random_state=setting.seed, progress=progress, checkpoint=out / "stages" / "dataset",
         )  # fmt: skip
-        dataset = enlarge_dataset(
-            dataset, simulator, effort.enlarged, event, random_state=setting.seed
-        ).valid()
+        dataset = enlarge_dataset(dataset, simulator, effort.enlarged, event, random_state=setting.seed)
+        dataset = dataset.valid()
         simulated = perf_counter() - started
         error = ResponseErrorTransformer(dataset.baseline).fit(dataset.responses)
-        measured = [
-            hidden(setting, i, step_errors, FIT_EVENTS[:1]).observations[event.name] for i in range(draws)
-        ]
+        found = [hidden(setting, i, step_errors, FIT_EVENTS[:1]) for i in range(draws)]
         noise = None if setting.noise_db is None else noise_of(dataset.baseline, event, setting.noise_db)
         screener = study_screener(network, event.dt, noise, setting.seed, effort.epochs)
         screener.set_params(estimator__cnncontributionregressor__verbose=progress)
-        report("training")
+        _log.info("training of the network")
         started = perf_counter()
         screener.fit(error.transform(dataset.responses), dataset.contributions)
         trained = perf_counter() - started
-        contributions = screener.predict(error.transform([o.values for o in measured]))
+        contributions = screener.predict(error.transform([f.observations[event.name].values for f in found]))
         label_error = dataset.metadata.get("regression", {}).get("label_error", np.nan)
-        stored = {
-            0: {"contributions": contributions, "training": np.array([simulated, trained, label_error])}
-        }
+        training = np.array([simulated, trained, label_error])
+        stored = {0: {"contributions": contributions, "training": training}}
         store.save(0, stored[0])
     simulated, trained, label_error = stored[0]["training"].tolist()
     cost = {
@@ -281,7 +254,7 @@ def _read(
 
 
 def _simulations(effort: Effort, setting: Setting) -> int:
-    """Those of the training set: each exact label needs one for every parameter."""
+    """Simulations of the training set: each exact label needs one for every parameter."""
     return effort.samples * (len(setting.simulator.parameters) + 1) + effort.enlarged
 
 
@@ -348,12 +321,12 @@ def _channels(gains: _Array, resampled: NDArray[np.int64]) -> dict[str, Any]:
 def _fit_quality(
     table: _Draw, which: int, names: Sequence[str], resampled: NDArray[np.int64]
 ) -> dict[str, Any]:
-    """How well the fit of all parameters does what it says, on one event (0) or on three (1)."""
+    """Quality of the fit of all parameters on one event (0) or on three (1)."""
     chi2, truth = table["chi2"][:, which].T
     found, true = table["objective"][:, which].T
     identifiable, covered = table["identifiable"][:, which], table["covered"][:, which]
     hits, counts = (covered & identifiable).sum(axis=1), identifiable.sum(axis=1)
-    with np.errstate(invalid="ignore"):  # NaN where not one parameter is identifiable
+    with np.errstate(invalid="ignore"):  # NaN where no parameter is identifiable
         again = hits[resampled].sum(axis=1) / counts[resampled].sum(axis=1)
         coverage = float(np.divide(hits.sum(), counts.sum()))
     seconds = table["seconds"][:, len(RANKINGS) + which].sum(axis=1)
@@ -378,7 +351,7 @@ def _fit_quality(
 
 
 def _by_event(table: _Draw, names: list[str]) -> dict[str, Any]:
-    """Median reduction of each channel, event by event, over the draws that can be simulated there."""
+    """Median reduction of each channel in each event, over the draws that can be simulated there."""
     gains = np.nanmedian(reduction(table["before"][:, None], table["errors"]), axis=0)  # (fits, events, R)
     return {
         method: {event: dict(zip("UP", gains[k, i].tolist(), strict=True)) for i, event in enumerate(names)}
@@ -387,4 +360,7 @@ def _by_event(table: _Draw, names: list[str]) -> dict[str, Any]:
 
 
 def _interval(values: _Array) -> list[float]:
-    return [float(v) for v in np.nanquantile(values, [(1 - _LEVEL) / 2, (1 + _LEVEL) / 2])]
+    """Quantiles of the resampled values that are numbers; NaN where none is."""
+    known = values[~np.isnan(values)]
+    limits = [(1 - _LEVEL) / 2, (1 + _LEVEL) / 2]
+    return [float(v) for v in np.quantile(known, limits)] if len(known) else [np.nan, np.nan]

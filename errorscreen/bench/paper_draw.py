@@ -34,12 +34,12 @@ from errorscreen.simulators import PowerSystemSimulator
 FIT_EVENTS = ("fault at bus 3", "fault at bus 3, impedance", "fault at bus 26")
 #: rankings whose first ten parameters are calibrated by the swarm, in the order of the arrays of a draw
 RANKINGS = ("random", "sensitivity", "identifiability", "cnn", "map", "oracle")
-#: everything that is calibrated: the ten of each ranking, then all parameters on one event and on three
+#: all calibrations: the ten of each ranking, then all parameters on one event and on three
 CALIBRATED = (*RANKINGS, "map_all", "map_all_three")
 TOP = 10
-#: the model that is fitted takes ten times the step of the truth; what that costs is `step_error`
+#: steps of the fitted model and of the truth in seconds; `step_error` is the difference
 STEP, TRUE_STEP = 0.005, 0.0005
-#: what counts as the noise of recordings that have none, because χ² needs one
+#: noise of recordings without noise, because χ² needs one
 _QUIET_DB = 80.0
 #: draws from which the error of the step is estimated
 _STEP_DRAWS = 32
@@ -49,16 +49,16 @@ _Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Effort:
-    """How much each method may spend; the defaults are those of the published table.
+    """Effort of each method; the defaults are those of the published table.
 
     Parameters
     ----------
     samples : int
         Simulated errors with exact labels that the network learns from.
     enlarged : int
-        Further ones, whose labels come from a regression of the exact ones, see `enlarge_dataset`.
+        Further samples with labels by a regression of the exact ones, see `enlarge_dataset`.
     epochs : int
-        Passes over all of them.
+        Passes over all samples.
     particles, iterations : int
         Of the swarm.
     starts, library : int
@@ -77,24 +77,24 @@ class Effort:
     posterior: int = 96
 
     def __post_init__(self) -> None:
-        # all of it at once: the search that needs a number may begin half an hour later
+        # checked at once: a number may be needed only half an hour later
         for name, value in asdict(self).items():
             check_integer(value, name, low={"samples": 20, "enlarged": 0}.get(name, 1))
 
 
 @dataclass(frozen=True)
 class Setting:
-    """What all draws share.
+    """Common settings of all draws.
 
     Parameters
     ----------
     seed : int
     noise_db : float or None
         Level of the response's deviation from its value before the event over that of the noise, both rms, in
-        decibels, for each channel and event; no noise where None.
+        decibels, for each channel and event; None is without noise.
     effort : Effort
     simulator : PowerSystemSimulator
-        What is calibrated.
+        Model to calibrate.
     """
 
     seed: int
@@ -104,28 +104,24 @@ class Setting:
 
     @property
     def events(self) -> dict[str, GridEvent]:
-        """Events to fit first, then those that are held out."""
+        """Events to fit, then held-out events."""
         events = ieee39_events()
         held_out = [name for name in events if name not in FIT_EVENTS]
         return {name: events[name] for name in (*FIT_EVENTS, *held_out)}
 
     def streams(self, draw: int, n: int) -> list[np.random.SeedSequence]:
-        """Independent seeds of one draw, which do not depend on the number of draws."""
+        """Independent seeds of one draw."""
         return np.random.SeedSequence(self.seed, spawn_key=(draw,)).spawn(n)
 
 
 def step_error(setting: Setting) -> dict[str, _Array]:
-    """Error that the step of the fitted model makes at each sample (R, L), rms over draws, for each event."""
+    """Error by the step of the fitted model at each sample (R, L), rms over draws, for each event."""
     theta = latin_hypercube(setting.simulator.parameters, _STEP_DRAWS, setting.seed)
-    fine = load_ieee39(step=TRUE_STEP)
-    return {
-        name: np.sqrt(
-            np.mean(
-                (setting.simulator.simulate(theta, e).values - fine.simulate(theta, e).values) ** 2, axis=0
-            )
-        )
-        for name, e in setting.events.items()
-    }
+    fine, found = load_ieee39(step=TRUE_STEP), {}
+    for name, event in setting.events.items():
+        error = setting.simulator.simulate(theta, event).values - fine.simulate(theta, event).values
+        found[name] = np.sqrt(np.mean(error**2, axis=0))
+    return found
 
 
 def noise_of(response: _Array, event: GridEvent, noise_db: float) -> _Array:
@@ -136,7 +132,7 @@ def noise_of(response: _Array, event: GridEvent, noise_db: float) -> _Array:
 
 @dataclass(frozen=True)
 class Hidden:
-    """A hidden parameter vector, its true responses and what was recorded of them."""
+    """A hidden parameter vector, its true responses and their recordings."""
 
     theta: _Array
     truths: dict[str, _Array]
@@ -160,14 +156,13 @@ def hidden(setting: Setting, draw: int, step_errors: dict[str, _Array], names: I
             white = np.random.default_rng(noise_streams[name]).standard_normal(truth.shape)
             values = truth + white * noise[:, None]
         truths[name] = truth
-        observations[name] = Observation(
-            event, values, noise, fine.channels, fine.units, extra=step_errors[name]
-        )
+        extra = step_errors[name]
+        observations[name] = Observation(event, values, noise, fine.channels, fine.units, extra=extra)
     return Hidden(theta, truths, observations)
 
 
 class Ranked(NamedTuple):
-    """Contributions (m,) by one ranking, what they cost, and the overlap that it expects of itself."""
+    """Contributions (m,) by one ranking, their cost, and the overlap that the ranking expects."""
 
     contributions: _Array
     simulations: int
@@ -176,7 +171,7 @@ class Ranked(NamedTuple):
 
 
 class FullFit(NamedTuple):
-    """Fit of all parameters, and what it says about each of them."""
+    """Fit of all parameters, compared with the truth."""
 
     fit: MAPCalibrator
     seconds: float
@@ -191,27 +186,18 @@ def run_draw(
 ) -> dict[str, NDArray[Any]]:
     """Rank, calibrate and judge one hidden draw.
 
-    Parameters
-    ----------
-    setting : Setting
-    draw : int
-    step_errors : dict of str to ndarray
-        See `step_error`.
-    cnn : ndarray of shape (m,)
-        Contributions that the network reads off the error of the calibration event.
+    `cnn` are the contributions (m,) by the network from the error of the calibration event, `step_errors` those of
+    `step_error`. Arrays of the result follow the order of `RANKINGS`, `CALIBRATED` (fits) and `Setting.events`:
 
-    Returns
-    -------
-    dict of str to ndarray
-        ``theta``, ``label`` (m,): the truth; ``contributions`` (rankings, m) and ``overlap`` (rankings,) with the
-        label of the calibration event, ``overlap_three`` that of the attribution on three events with their mean
-        label; ``expected_overlap`` (2,), what the attribution expects of itself on one event and on three;
-        ``calibrated`` (fits, m); ``before`` (events, R) and ``errors`` (fits, events, R), equation (23) against the
-        true response; ``measured_before`` (R,) and ``measured`` (fits, R), the same on the calibration event against
-        the recording; ``chi2`` and ``objective`` (2, 2), χ²/N and χ² + prior of the fit of all parameters and at the
-        truth, on one event and on three; ``covered`` and ``identifiable`` (2, m), ``converged`` and ``starts`` (2,)
-        of these two fits; ``simulations`` and ``seconds`` (fits, 2), of ranking and of calibration. The order is that
-        of `RANKINGS`, `CALIBRATED` and `Setting.events`.
+    - ``theta`` and ``label`` (m,), the truth;
+    - ``contributions`` (rankings, m) and ``overlap`` (rankings,) with the label of the calibration event;
+      ``overlap_three``, of the attribution on three events with their mean label; ``expected_overlap`` (2,), by the
+      attribution on one event and on three;
+    - ``calibrated`` (fits, m); ``before`` (events, R) and ``errors`` (fits, events, R), equation (23) against the true
+      response; ``measured_before`` (R,) and ``measured`` (fits, R), the same against the recording that is fitted;
+    - of the fits of all parameters on one event and on three: ``chi2`` and ``objective`` (2, 2), χ²/N and χ² + prior of
+      the fit and of the truth; ``covered`` and ``identifiable`` (2, m), ``converged`` and ``starts`` (2,);
+    - ``simulations`` and ``seconds`` (fits, 2), of ranking and of calibration.
     """
     simulator = setting.simulator
     found = hidden(setting, draw, step_errors, setting.events)
@@ -260,7 +246,7 @@ def run_draw(
 
 
 def _fit_all(setting: Setting, recordings: list[Observation], theta: _Array, seeds: list[int]) -> FullFit:
-    """Calibrate all parameters by MAP and attribute the error to them, with the truth `theta` beside it."""
+    """Calibrate all parameters by MAP, attribute the error to them, and compare with the truth `theta`."""
     simulator, effort = setting.simulator, setting.effort
     calibrator = MAPCalibrator(
         simulator, n_starts=effort.starts, library_size=effort.library, random_state=seeds[0]
@@ -269,8 +255,8 @@ def _fit_all(setting: Setting, recordings: list[Observation], theta: _Array, see
     screener = AttributionScreener(
         simulator, FrozenEstimator(fit), n_samples=effort.posterior, random_state=seeds[1]
     )
-    with warnings.catch_warnings():  # of fits that did not end, which the result counts
-        warnings.simplefilter("ignore", DataWarning)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DataWarning)  # the result counts fits that have not converged
         attribution, more = _timed(screener, recordings)
     problem = FitProblem(simulator, recordings)
     chi2_truth = float(problem.chi_square(theta)[0])
@@ -297,36 +283,31 @@ def _timed(estimator: Any, recordings: list[Observation]) -> tuple[Any, float]:
 
 
 def _rank(simulator: PowerSystemSimulator, recordings: list[Observation], seed: int) -> dict[str, Ranked]:
-    """Rankings that look only at the event and its noise."""
+    """Rankings that need only the event and its noise."""
     m = len(simulator.parameters)
     screeners: dict[str, tuple[BaseScreener, int]] = {
         "random": (RandomScreener(simulator, random_state=seed), 0),
         "sensitivity": (SensitivityScreener(simulator), m + 1),
         "identifiability": (IdentifiabilityScreener(simulator), 2 * m + 1),
     }
-    ranked = {}
-    for name, (screener, simulations) in screeners.items():
-        fitted, seconds = _timed(screener, recordings)
-        ranked[name] = Ranked(fitted.contributions_, simulations, seconds)
-    return ranked
+    fitted = {name: (*_timed(s, recordings), n) for name, (s, n) in screeners.items()}
+    return {name: Ranked(s.contributions_, n, seconds) for name, (s, seconds, n) in fitted.items()}
 
 
 def _swarm(
     setting: Setting, contributions: _Array, recordings: list[Observation], seed: int
 ) -> tuple[PSOCalibrator, float]:
     """Calibrate the ten parameters with the largest contributions as the paper does."""
-    names = [setting.simulator.parameters.names[j] for j in ranking(contributions)[:TOP]]
-    particles, iterations = setting.effort.particles, setting.effort.iterations
-    swarm = PSOCalibrator(
-        setting.simulator, names, n_particles=particles, n_iterations=iterations, random_state=seed
-    )
-    return _timed(swarm, recordings)
+    simulator, effort = setting.simulator, setting.effort
+    names = [simulator.parameters.names[j] for j in ranking(contributions)[:TOP]]
+    sizes: dict[str, Any] = {"n_particles": effort.particles, "n_iterations": effort.iterations}
+    return _timed(PSOCalibrator(simulator, names, random_state=seed, **sizes), recordings)
 
 
 def _errors(
     simulator: PowerSystemSimulator, thetas: _Array, observation: Observation, reference: _Array
 ) -> _Array:
-    """Equation (23) of each parameter vector and channel (fits, R) against a response; NaN where it failed."""
+    """Equation (23) of each parameter vector and channel (fits, R) against a response; NaN where a model fails."""
     event = observation.event
-    responses = simulator.simulate(thetas, event)  # NaN where a calibrated model fails
-    return response_error(responses.values, reference, quiet_level(reference, event.time, event.start))
+    level = quiet_level(reference, event.time, event.start)
+    return response_error(simulator.simulate(thetas, event).values, reference, level)

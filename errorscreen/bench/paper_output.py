@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen._runtime.persistence import write_json_atomic, write_text_atomic
+from errorscreen.bench.markdown import table_lines
 from errorscreen.bench.paper_draw import FIT_EVENTS, RANKINGS, TOP, Setting, hidden
 from errorscreen.features import CWTTransformer
 from errorscreen.metrics import ranking, reduction
@@ -30,8 +31,7 @@ def write_paper(
 ) -> None:
     """Write ``result.json``, ``tables.md`` and ``figure1.png`` to ``figure4.png`` into ``out``.
 
-    The paper shows one draw. So do its tables 2 to 4 and the figures: the one whose reduction of J by the network's
-    selection is the median of all draws, so that it is neither picked nor lucky.
+    Tables 2 to 4 and the figures show one draw, as the paper does: `typical_draw`, neither picked nor lucky.
     """
     out.mkdir(parents=True, exist_ok=True)
     shown = typical_draw(table)
@@ -44,20 +44,15 @@ def write_paper(
 
 def typical_draw(table: _Table) -> int:
     """Draw with the median reduction of J, equation (24), by the network's selection."""
-    before, after = (
-        table["before"][:, 0].mean(axis=1),
-        table["errors"][:, RANKINGS.index("cnn"), 0].mean(axis=1),
-    )
+    before = table["before"][:, 0].mean(axis=1)
+    after = table["errors"][:, RANKINGS.index("cnn"), 0].mean(axis=1)
     return int(np.argsort(reduction(before, after), kind="stable")[len(before) // 2])
 
 
 def tables(result: dict[str, Any], table: _Table, setting: Setting, shown: int) -> str:
     """All tables as Markdown: over all draws, then the paper's tables 2 to 4 for one draw."""
-    noise = (
-        "without noise"
-        if result["noise_db"] is None
-        else f"noise {result['noise_db']:g} dB below the response"
-    )
+    level = result["noise_db"]
+    noise = "without noise" if level is None else f"noise {level:g} dB below the response"
     parts = [
         f"{result['draws']} hidden draws, seed {result['seed']}, {noise}. In brackets: 95 % bootstrap interval.",
         _rankings(result["methods"]),
@@ -88,16 +83,15 @@ def figures(table: _Table, setting: Setting, step_errors: dict[str, _Array], sho
     for number, method in _SELECTIONS.items():
         theta = table["calibrated"][shown, RANKINGS.index(method)]
         after = simulator.simulate(theta, event).require_ok().values[0]
-        drawn[number] = plot_responses(
-            observation, {"before": before, f"after, ten parameters by {_LABELS[method]}": after}
-        )
+        responses = {"before": before, f"after, ten parameters by {_LABELS[method]}": after}
+        drawn[number] = plot_responses(observation, responses)
     return drawn
 
 
 #: table 4 of the paper: another realisation of the grid, whose errors are tens of times larger
 _PUBLISHED_ROWS = (
-    "| the paper: network | 0.05684 | 0.00833 | 85.34 % | 0.70012 | 0.06940 | 90.09 % |",
-    "| the paper: sensitivity | 0.05684 | | 66.87 % | 0.70012 | | 78.43 % |",
+    ("the paper: network", "0.05684", "0.00833", "85.34 %", "0.70012", "0.06940", "90.09 %"),
+    ("the paper: sensitivity", "0.05684", "", "66.87 %", "0.70012", "", "78.43 %"),
 )
 
 _LABELS = {
@@ -112,16 +106,16 @@ _LABELS = {
 
 
 def _rankings(methods: dict[str, Any]) -> str:
-    lines = ["| ranking | overlap with the true ten | from three events, their mean label |", "|---|---|---|"]
+    rows = []
     for name in RANKINGS:
         three = methods[name].get("three_events")
-        lines.append(f"| {_LABELS[name]} | {_overlap(methods[name])} | {_overlap(three) if three else ''} |")
+        rows.append((_LABELS[name], _overlap(methods[name]), _overlap(three) if three else ""))
+    lines = table_lines(("ranking", "overlap with the true ten", "from three events, their mean label"), rows)
     one, three = (e["expected_overlap_at_10"] for e in (methods["map"], methods["map"]["three_events"]))
-    lines += [
-        "",
-        f"The attribution expects {one:.3f} and {three:.3f} of itself: what the recordings leave open.",
-    ]
-    return "\n".join(lines)
+    expected = (
+        f"The attribution itself expects {one:.3f} and {three:.3f}: the recordings leave the rest open."
+    )
+    return "\n".join([*lines, "", expected])
 
 
 def _overlap(entry: dict[str, Any]) -> str:
@@ -130,91 +124,79 @@ def _overlap(entry: dict[str, Any]) -> str:
 
 
 def _reductions(methods: dict[str, Any]) -> str:
-    head = "| calibrated | fitted: U | P | held out: U | P | reach the paper | so measured | simulations | seconds |"
-    lines = [
-        "Reduction of E against the true response in %, median (tenth percentile); P and U at bus 2:",
-        "",
-        head,
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
     entries = {_LABELS[name]: methods[name] for name in (*RANKINGS, "map_all")}
     entries["all 40 by MAP, three events"] = methods["map_all"]["three_events"]
+    rows = []
     for label, entry in entries.items():
-        cells = [_gain(entry[part][channel]) for part in ("fit", "held_out") for channel in "UP"]
-        cells += [
-            f"{100 * entry['reaches_paper']:.0f} %",
-            f"{100 * entry['reaches_paper_measured']:.0f} %",
-            f"{entry['simulations']:.0f}",
-            f"{entry['seconds']:.1f}",
-        ]
-        lines.append(f"| {label} | " + " | ".join(cells) + " |")
-    return "\n".join(lines)
+        gains = [entry[part][channel] for part in ("fit", "held_out") for channel in "UP"]
+        rows.append(
+            (
+                label,
+                *(f"{100 * gain['median']:.1f} ({100 * gain['p10']:.1f})" for gain in gains),
+                f"{100 * entry['reaches_paper']:.0f} %",
+                f"{100 * entry['reaches_paper_measured']:.0f} %",
+                f"{entry['simulations']:.0f}",
+                f"{entry['seconds']:.1f}",
+            )
+        )
+    titles = ("calibrated", "fitted: U", "P", "held out: U", "P", "reach the paper", "so measured")
+    head = "Reduction of E against the true response in %, median (tenth percentile); P and U at bus 2:"
+    return "\n".join([head, "", *table_lines((*titles, "simulations", "seconds"), rows)])
 
 
 def _training(result: dict[str, Any]) -> str:
     cost = result["training"]
     return (
-        f"The network has been trained before, on {result['effort']['samples']} samples with exact labels and "
+        f"The network was trained before on {result['effort']['samples']} samples with exact labels and "
         f"{result['effort']['enlarged']} with labels by regression: {cost['simulations']} simulations in "
-        f"{cost['simulation_seconds']:.0f} s and {cost['training_seconds']:.0f} s of training, which "
-        f"the table does not count. Seconds are those of one process among others; the whole study took "
+        f"{cost['simulation_seconds']:.0f} s and {cost['training_seconds']:.0f} s of training, which the table does "
+        f"not count. Seconds are those of one process among several; the whole study took "
         f"{result['seconds'] / 60:.0f} minutes on {result['machine']['cores']} cores."
     )
 
 
-def _gain(entry: dict[str, Any]) -> str:
-    return f"{100 * entry['median']:.1f} ({100 * entry['p10']:.1f})"
-
-
 def _all_parameters(entry: dict[str, Any]) -> str:
-    lines = [
-        "All 40 by MAP:",
-        "",
-        "| events | χ²/N ≤ 1.05 | same at the truth | below the truth | largest | converged | identifiable | coverage "
-        "| nine of ten within | longest |",
-        "|---|---|---|---|---|---|---|---|---|---|",
-    ]
+    rows = []
     for label, e in (("one", entry), ("three", entry["three_events"])):
         low, high = e["coverage_interval"]
-        lines.append(
-            f"| {label} | {100 * e['noise_floor_share']:.0f} % "
-            f"| {100 * e['noise_floor_share_of_truth']:.0f} % | {100 * e['search_share']:.0f} % "
-            f"| {e['chi2_largest']:.3f} | {100 * e['converged_share']:.0f} % | {e['identifiable']:.1f} "
-            f"| {100 * e['coverage']:.1f} % [{100 * low:.1f}, {100 * high:.1f}] "
-            f"| {e['p90_seconds']:.1f} s | {e['largest_seconds']:.1f} s |"
+        shares = ("noise_floor_share", "noise_floor_share_of_truth", "search_share")
+        rows.append(
+            (
+                label,
+                *(f"{100 * e[name]:.0f} %" for name in shares),
+                f"{e['chi2_largest']:.3f}",
+                f"{100 * e['converged_share']:.0f} %",
+                f"{e['identifiable']:.1f}",
+                f"{100 * e['coverage']:.1f} % [{100 * low:.1f}, {100 * high:.1f}]",
+                f"{e['p90_seconds']:.1f} s",
+                f"{e['largest_seconds']:.1f} s",
+            )
         )
-    return "\n".join(lines)
+    titles = ["events", "χ²/N ≤ 1.05", "same at the truth", "below the truth", "largest", "converged"]
+    titles += ["identifiable", "coverage", "nine of ten within", "longest"]
+    return "\n".join(["All 40 by MAP:", "", *table_lines(titles, rows)])
 
 
 def _ranking_of_one(number: int, method: str, table: _Table, names: tuple[str, ...], shown: int) -> str:
-    """Tables 2 and 3: the ten parameters that a ranking puts first."""
+    """Tables 2 and 3: the first ten parameters of a ranking."""
     contributions, label = table["contributions"][shown, RANKINGS.index(method)], table["label"][shown]
     place = {int(j): rank for rank, j in enumerate(ranking(label), start=1)}
-    lines = [
-        f"Table {number}: first ten by {_LABELS[method]}",
-        "",
-        "| rank | parameter | score | true contribution | true rank |",
-        "|---|---|---|---|---|",
+    rows = [
+        (rank, names[j], f"{contributions[j]:.4g}", f"{label[j]:.4g}", place[int(j)])
+        for rank, j in enumerate(ranking(contributions)[:TOP], start=1)
     ]
-    for rank, j in enumerate(ranking(contributions)[:TOP], start=1):
-        lines.append(f"| {rank} | {names[j]} | {contributions[j]:.4g} | {label[j]:.4g} | {place[int(j)]} |")
-    return "\n".join(lines)
+    lines = table_lines(("rank", "parameter", "score", "true contribution", "true rank"), rows)
+    return "\n".join([f"Table {number}: first ten by {_LABELS[method]}", "", *lines])
 
 
 def _calibration_of_one(table: _Table, shown: int) -> str:
     """Table 4: errors before and after for both selections, against the recording as in the paper."""
-    before = table["measured_before"][shown]
-    lines = [
-        "Table 4: error against the recording before and after calibration",
-        "",
-        "| selection | E_U before | after | reduction | E_P before | after | reduction |",
-        "|---|---|---|---|---|---|---|",
-    ]
+    before, rows = table["measured_before"][shown], []
     for method in _SELECTIONS.values():
-        after = table["measured"][shown, RANKINGS.index(method)]
-        cells = [
-            f"{b:.5f} | {a:.5f} | {100 * float(reduction(b, a)):.2f} %"
-            for b, a in zip(before, after, strict=True)
-        ]
-        lines.append(f"| {_LABELS[method]} | " + " | ".join(cells) + " |")
-    return "\n".join([*lines, *_PUBLISHED_ROWS])
+        cells = [_LABELS[method]]
+        for b, a in zip(before, table["measured"][shown, RANKINGS.index(method)], strict=True):
+            cells += [f"{b:.5f}", f"{a:.5f}", f"{100 * float(reduction(b, a)):.2f} %"]
+        rows.append(cells)
+    titles = ("selection", "E_U before", "after", "reduction", "E_P before", "after", "reduction")
+    head = "Table 4: error against the recording before and after calibration"
+    return "\n".join([head, "", *table_lines(titles, [*rows, *_PUBLISHED_ROWS])])

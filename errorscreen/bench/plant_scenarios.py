@@ -1,4 +1,4 @@
-"""Hidden scenarios of plant playback: a device, events, deviating parameters, and something or nothing missing."""
+"""Hidden scenarios of plant playback: a device, four events, deviating parameters and hidden effects."""
 
 from __future__ import annotations
 
@@ -10,14 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen.bench.hidden_effects import OTHER_FORMS, OUTSIDE
-from errorscreen.bench.scenarios import (
-    LEAST_SIZE,
-    Scenario,
-    Setup,
-    draw_kind,
-    draw_scenario,
-    pick,
-)
+from errorscreen.bench.scenarios import Scenario, Setup, draw_kind, draw_scenario, pick
 from errorscreen.data.observations import Observation
 from errorscreen.data.recordings import Recording
 from errorscreen.effects import Effect, common_skew, effects_of, measurement_effects
@@ -26,10 +19,11 @@ from errorscreen.events import Playback
 from errorscreen.models import DEVICES
 from errorscreen.simulators import PlantSimulator
 
-#: step of the hidden truth in seconds, a tenth of the one that the fitted model uses
+#: step of the truth in seconds, a tenth of the fitted model's step
 TRUTH_STEP = 2.5e-4
-#: samples a second, and length of a record in seconds
+#: samples a second, and start of the event and end of a recording in seconds
 RATE, START, STOP = 120, 1.0, 6.0
+#: samples of the truth for each recorded one
 _FINE = 10
 OPERATING_POINT = {"V": 1.0, "P": 0.72, "Q": 0.12}
 
@@ -38,17 +32,17 @@ _Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class GridSide:
-    """What the grid does at the terminal.
+    """Event at the terminal of a plant.
 
     Parameters
     ----------
     name : str
     depth, duration : float
-        Of the dip in pu and seconds.
+        Voltage dip in pu and s.
     step : float
-        Change of the voltage that stays, in pu.
+        Lasting change of the voltage in pu.
     swing, swing_frequency : float
-        Of the angle, in rad and Hz.
+        Swing of the angle in rad and Hz.
     offset : float
         Lasting deviation of the frequency in Hz.
     """
@@ -73,7 +67,7 @@ class GridSide:
         return {"V": 1.0 - sag + self.step * smooth_step(after / 0.1), "angle": swing + drift}
 
 
-#: events that are fitted, and events that are only judged on
+#: events to fit, and events to judge on
 FIT = (
     GridSide("fault", 0.5, 0.12, -0.02, 0.30, 0.9, 0.05),
     GridSide("voltage up, frequency down", 0.0, 0.1, 0.06, 0.10, 0.6, -0.25),
@@ -85,38 +79,24 @@ HELD_OUT = (
 
 
 def draw_plant_scenario(
-    seed: Any,
-    noise_db: float,
-    *,
-    kind: str | None = None,
-    device: str | None = None,
-    least_size: float = LEAST_SIZE,
-    largest_size: float | None = None,
+    seed: Any, noise_db: float, *, kind: str | None = None, device: str | None = None, **sizes: Any
 ) -> Scenario:
-    """Draw one scenario.
+    """Draw one scenario; kind and device are drawn where not given. For `sizes` see `draw_scenario`.
 
-    Parameters
-    ----------
-    seed : int or SeedSequence
-    noise_db : float
-        Level of each channel's deviation from its value before the event over that of the noise, both rms.
-    kind, device : str, optional
-        Drawn where not given.
-    least_size : float
-        Effects whose size is less are drawn again.
-    largest_size : float, optional
-        Where given, strengths are scaled to sizes drawn between the two, evenly by order of magnitude.
+    `noise_db` is the level of each channel's deviation from its value before the event over that of the noise, both
+    rms.
     """
     rng = np.random.default_rng(seed)
     drawn_kind, drawn_device = draw_kind(rng), str(rng.choice(list(DEVICES)))
     kind, device = kind or drawn_kind, device or drawn_device
     space = DEVICES[device].candidates
     theta = space.nominal * rng.uniform(0.75, 1.25, len(space))
-    return draw_scenario(_setup(device), rng, kind, device, theta, noise_db, least_size, largest_size)
+    return draw_scenario(plant_setup(device), rng, kind, device, theta, noise_db, **sizes)
 
 
 @cache
-def _setup(device: str) -> Setup:
+def plant_setup(device: str) -> Setup:
+    """Truth, events and recordings of the scenarios of a device."""
     events = [_fine_event(side) for side in (*FIT, *HELD_OUT)]
     return Setup(_truth(device), events, len(FIT), _FINE, _draw_effects, partial(_record, device, events))
 
@@ -124,39 +104,36 @@ def _setup(device: str) -> Setup:
 def _draw_effects(
     kind: str, device: str, rng: np.random.Generator
 ) -> tuple[tuple[Effect, ...], tuple[str, ...]]:
-    """Hidden effects and the names that are right."""
-    mechanisms = [e for e in effects_of(device) if e.kind == "mechanism"]
-    if kind == "nothing":
-        return (), ()
-    if kind == "effect":
-        chosen = pick(rng, mechanisms)
-        return (chosen,), (chosen.name,)
-    if kind == "two effects":
-        i, j = rng.choice(len(mechanisms), 2, replace=False)
-        pair = tuple(mechanisms[k] for k in sorted((i, j)))
-        return pair, tuple(e.name for e in pair)
+    """Draw hidden effects and the names that are right."""
+    mechanisms = _mechanisms(device)
     if kind == "other form":
-        effect, name = OTHER_FORMS[device][rng.integers(len(OTHER_FORMS[device]))]
+        effect, name = pick(rng, OTHER_FORMS[device])
         return (effect,), (name,)
     if kind == "outside":
         return (pick(rng, OUTSIDE[device]),), ()
-    chosen = pick(rng, _faults(device))
-    return (chosen,), (chosen.name,)
+    if kind == "nothing":
+        chosen: tuple[Effect, ...] = ()
+    elif kind == "two effects":
+        chosen = tuple(mechanisms[k] for k in sorted(rng.choice(len(mechanisms), 2, replace=False)))
+    else:
+        chosen = (pick(rng, mechanisms if kind == "effect" else _faults(device)),)
+    return chosen, tuple(e.name for e in chosen)
 
 
 @cache
 def _truth(device: str) -> PlantSimulator:
-    """Simulator of hidden truths, with every effect of the library and all that only truths have."""
+    """Simulator of hidden truths, with all effects of the library and of `hidden_effects`."""
     own = (*(e for e, _ in OTHER_FORMS[device]), *OUTSIDE[device])
-    mechanisms = tuple(e for e in effects_of(device) if e.kind == "mechanism")
-    event = _fine_event(FIT[0])
-    return PlantSimulator(
-        device, event, step=TRUTH_STEP, effects=(*mechanisms, *own, *_faults(device)), n_threads=1
-    )
+    effects = (*_mechanisms(device), *own, *_faults(device))
+    return PlantSimulator(device, _fine_event(FIT[0]), step=TRUTH_STEP, effects=effects, n_threads=1)
+
+
+def _mechanisms(device: str) -> list[Effect]:
+    return [e for e in effects_of(device) if e.kind == "mechanism"]
 
 
 def _faults(device: str) -> tuple[Effect, ...]:
-    """Of the measurement."""
+    """Measurement faults."""
     return (*measurement_effects(DEVICES[device].outputs), common_skew())
 
 
@@ -168,28 +145,23 @@ def _fine_event(side: GridSide) -> Playback:
 def _record(
     device: str, events: list[Playback], clean: list[_Array], noise_db: float, seed: int
 ) -> tuple[list[Observation], PlantSimulator]:
-    """Sample, add noise to all four channels, and bring the recordings onto the grid of the fitted model."""
-    rng = np.random.default_rng(seed)
+    """Sample, add noise to all four channels, and observe the recordings with the model to fit."""
+    rng, ratio = np.random.default_rng(seed), 10 ** (-noise_db / 20)
     recordings = []
     for event, response in zip(events, clean, strict=True):
-        time = event.time[::_FINE]
-        channels = {**event.signals, "P": response[0], "Q": response[1]}
-        noisy = {}
-        for name, values in channels.items():
+        time, noisy = event.time[::_FINE], {}
+        for name, values in {**event.signals, "P": response[0], "Q": response[1]}.items():
             sampled = values[::_FINE]
-            level = sampled[time < START].mean()
-            sigma = float(np.sqrt(np.mean((sampled - level) ** 2))) * 10 ** (-noise_db / 20)
             if name == "angle":  # a drifting angle would count as a large signal
-                sigma = (
-                    0.3
-                    * float(np.sqrt(np.mean((channels["V"][::_FINE] - 1.0) ** 2)))
-                    * 10 ** (-noise_db / 20)
-                )
-            noisy[name] = sampled + max(sigma, 1e-6) * rng.standard_normal(len(time))
-        recordings.append(
-            Recording.from_arrays(
-                time, noisy, base_mva=100.0, f_nominal=60.0, name=event.name, event_time=START
-            )
-        )
+                moved = 0.3 * _rms(event.signals["V"][::_FINE] - 1.0)
+            else:
+                moved = _rms(sampled - sampled[time < START].mean())
+            noisy[name] = sampled + max(moved * ratio, 1e-6) * rng.standard_normal(len(time))
+        options: dict[str, Any] = {"base_mva": 100.0, "f_nominal": 60.0, "event_time": START}
+        recordings.append(Recording.from_arrays(time, noisy, name=event.name, **options))
     simulator = PlantSimulator(device, recordings[0], n_threads=1)
     return [simulator.observe(r) for r in recordings], simulator
+
+
+def _rms(values: _Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))

@@ -1,4 +1,4 @@
-"""What hidden scenarios of discovery have in common: what they hold, how effects are drawn, and how large they are."""
+"""Hidden scenarios of the discovery studies: their parts, how effects are drawn, and the size of an effect."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from errorscreen.effects import Effect
 from errorscreen.exceptions import InputError, SimulationError, unknown_name
 from errorscreen.simulators import Simulator
 
-#: kinds of scenarios and their shares; the order is that of results
+#: kinds of scenarios and their shares, in the order of the results
 MIX = (
     ("nothing", 0.25),
     ("effect", 0.3),
@@ -27,15 +27,15 @@ MIX = (
     ("outside", 0.1),
     ("measurement", 0.1),
 )
-#: kinds whose truth has a structure that the library holds
+#: kinds whose hidden effects are in the library
 HELD = ("effect", "two effects", "measurement")
-#: an effect is hidden only if what survives a refit of the parameters is at least so many times the noise
+#: least size of a hidden effect, see `Scenario`
 LEAST_SIZE = 3.0
 #: draws of an effect until one is large enough
 TRIES = 200
-#: how near a size is brought to the one that was drawn for it, as a factor, and in how many steps at most
+#: scaling of strengths ends within this factor of the wanted size, or after so many steps
 _NEAR, _SCALINGS = 1.1, 15
-#: iterations of the refit that measures a size: in none of 15 draws of plants more of them led lower
+#: iterations of the refit that measures a size: more of them led no lower in 15 draws of plants
 _REFIT = 30
 
 _Array = NDArray[np.float64]
@@ -45,35 +45,33 @@ _Recorded = tuple[list[Observation], Simulator, list[_Array], list[float]]
 
 @dataclass(frozen=True)
 class Scenario:
-    """What is hidden, and what was recorded of it.
+    """A hidden truth and its recordings.
 
     Parameters
     ----------
     kind : str
         Of `MIX`.
     device : str
-        Where the first effect is hidden; of a plant the device itself.
+        Device of the first hidden effect; of a plant the plant itself.
     effects : tuple of str
-        Names that are right; empty where nothing of the library is hidden.
+        Names of the library that are right; empty where it has none.
     hidden : tuple of str
-        What is hidden, by its own name.
+        Names of the hidden effects.
     place : str
         Port or channel of the first hidden effect.
     size : float
-        Smallest part of a hidden effect that survives a refit of all parameters, in multiples of the noise, see
-        `surviving`; 0 for nothing.
+        Smallest size of a hidden effect, in multiples of the noise, see `surviving`; 0 where nothing is hidden.
     theta : ndarray of shape (m,)
     simulator : Simulator
-        What is fitted: the model without what is hidden.
-    recordings : tuple of Observation
-        To fit.
-    held_out : tuple of Observation
+        Model to fit, without the hidden effects.
+    recordings, held_out : tuple of Observation
+        To fit, and to judge on.
     truths : tuple of ndarray of shape (R, L)
-        Responses without noise of the held-out events.
+        Responses to the held-out events without noise.
     structure : tuple of str
-        Effects of the library that the truth has; empty where it is not the library's.
+        Hidden effects of the library; empty where one has another form.
     values : ndarray
-        Parameters of the hidden effects, one after the other.
+        Parameters of the hidden effects, one effect after the other.
     """
 
     kind: str
@@ -93,18 +91,18 @@ class Scenario:
 
 @dataclass(frozen=True)
 class Setup:
-    """What the scenarios of one case have in common.
+    """Common parts of the scenarios of one case.
 
     Parameters
     ----------
     truth : Simulator
-        With every effect of the library and all that only truths have.
+        With all effects of the library and of `errorscreen.bench.hidden_effects`.
     events : sequence of Event
-        Those to fit, then those to judge on, on the time axis of the truth.
+        To fit, then to judge on, on the time axis of the truth.
     n_fit : int
-        How many of them are fitted.
+        Number of events to fit.
     every : int
-        Every so many samples of the truth are recorded.
+        One of so many samples of the truth is recorded.
     hide : callable
         ``hide(kind, device, rng)`` draws hidden effects and the names that are right.
     record : callable
@@ -120,7 +118,7 @@ class Setup:
 
 
 def check_sizes(least: float, largest: float) -> None:
-    """Refuse sizes between which none can be drawn by order of magnitude."""
+    """Refuse limits between which no size can be drawn by order of magnitude."""
     if not 0 < least < largest:
         raise InputError(
             f"sizes from {least:g} to {largest:g} times the noise", allowed="0 < least size < largest size"
@@ -128,15 +126,15 @@ def check_sizes(least: float, largest: float) -> None:
 
 
 def draw_kind(rng: np.random.Generator, mix: Sequence[tuple[str, float]] = MIX) -> str:
-    """Kind of a scenario, by the shares of the kinds."""
+    """Draw the kind of a scenario by the shares of the kinds."""
     names, shares = zip(*mix, strict=True)
     return str(rng.choice(names, p=shares))
 
 
 def draw_values(effect: Effect, rng: np.random.Generator) -> _Array:
-    """Parameters inside the middle of their ranges; a strength of either sign where both are allowed.
+    """Draw parameters from the middle of their ranges, wide ranges by order of magnitude.
 
-    Time constants and others whose range is wide are drawn by order of magnitude.
+    A strength has either sign where both are allowed.
     """
     values = []
     for j, p in enumerate(effect.parameters):
@@ -151,8 +149,8 @@ def draw_values(effect: Effect, rng: np.random.Generator) -> _Array:
     return np.array(values)
 
 
-def pick(rng: np.random.Generator, items: Sequence[Effect]) -> Effect:
-    """One of some effects."""
+def pick(rng: np.random.Generator, items: Sequence[Any]) -> Any:
+    """Draw one of some items."""
     return items[int(rng.integers(len(items)))]
 
 
@@ -163,38 +161,26 @@ def draw_scenario(
     device: str | None,
     theta: _Array,
     noise_db: float,
-    least: float,
-    largest: float | None = None,
+    *,
+    least_size: float = LEAST_SIZE,
+    largest_size: float | None = None,
 ) -> Scenario:
-    """Draw what is hidden until what survives of each effect is at least `least` times the noise, and record it.
+    """Draw hidden effects until each has at least the size `least_size`, and record them.
 
-    With `largest`, a size between the two is drawn for each effect, evenly by order of magnitude, and its strength is
-    brought to it.
-
-    Parameters
-    ----------
-    setup : Setup
-    rng : numpy.random.Generator
-    kind : str
-        Of `MIX`.
-    device : str or None
-        Where the first effect is hidden; drawn where not given.
-    theta : ndarray of shape (m,)
-        Hidden parameters.
-    noise_db, least : float
-    largest : float, optional
+    With `largest_size`, strengths are scaled to sizes drawn between the two, evenly by order of magnitude. `device` is
+    where the first effect is hidden, drawn where it is None.
 
     Raises
     ------
     InputError
-        If the kind is not known, `largest` is not above `least` and positive, or no effect drawn is large enough.
+        If the kind is not known, not 0 < `least_size` < `largest_size`, or no effect drawn is large enough.
     """
     if kind not in dict(MIX):
         raise unknown_name(kind, dict(MIX), kind="kind")
-    if largest is not None:
-        check_sizes(least, largest)
+    if largest_size is not None:
+        check_sizes(least_size, largest_size)
     for _ in range(TRIES):
-        effects, right = _happened(*setup.hide(kind, device, rng), setup, rng)
+        effects, right = _bound(*setup.hide(kind, device, rng), setup, rng)
         own: Sequence[_Array] = [draw_values(effect, rng) for effect in effects]
         hidden = _Hidden(setup, effects, theta)
         responses = hidden.responses(own)
@@ -202,46 +188,43 @@ def draw_scenario(
             continue
         noise = (noise_db, int(rng.integers(2**32)))
         recorded = hidden.record(own, responses, noise)
-        if effects and recorded is not None and largest is not None:
-            aims = np.exp(rng.uniform(np.log(least), np.log(largest), len(effects)))
+        if effects and recorded is not None and largest_size is not None:
+            aims = np.exp(rng.uniform(np.log(least_size), np.log(largest_size), len(effects)))
             own, recorded = hidden.scale(own, recorded, noise, aims)
         if recorded is None:
             continue
         observations, simulator, responses, sizes = recorded
-        n = setup.n_fit
-        if effects and not min(sizes) >= least:
+        if effects and not min(sizes) >= least_size:
             continue
-        where = (effects[0].device or device or effects[0].kind) if effects else device or ""
+        n = setup.n_fit
         return Scenario(
-            kind,
-            where,
-            right,
-            tuple(e.name for e in effects),
-            effects[0].port if effects else "",
-            min(sizes, default=0.0),
-            theta,
-            simulator,
-            tuple(observations[:n]),
-            tuple(observations[n:]),
-            tuple(responses[n:]),
-            right if kind in HELD else (),
-            np.concatenate([np.zeros(0), *own]),
+            kind=kind,
+            device=((effects[0].device or device or effects[0].kind) if effects else device) or "",
+            effects=right,
+            hidden=tuple(e.name for e in effects),
+            place=effects[0].port if effects else "",
+            size=min(sizes, default=0.0),
+            theta=theta,
+            simulator=simulator,
+            recordings=tuple(observations[:n]),
+            held_out=tuple(observations[n:]),
+            truths=tuple(responses[n:]),
+            structure=right if kind in HELD else (),
+            values=np.concatenate([np.zeros(0), *own]),
         )
-    raise InputError(
-        f"none of {TRIES} effects drawn is at least {least:g} times the noise at {noise_db:g} dB",
+    raise too_small(TRIES, "", least_size, noise_db)
+
+
+def too_small(tries: int, where: str, least: float, noise_db: float) -> InputError:
+    """Error of draws without a large enough effect."""
+    return InputError(
+        f"none of {tries} effects drawn{where} is at least {least:g} times the noise at {noise_db:g} dB",
         allowed="less noise, or a smaller least size",
     )
 
 
 class _Hidden:
-    """Effects that are hidden in a model with some parameters.
-
-    Parameters
-    ----------
-    setup : Setup
-    effects : sequence of Effect
-    theta : ndarray of shape (m,)
-    """
+    """Effects hidden in a model with the parameters `theta`."""
 
     def __init__(self, setup: Setup, effects: Sequence[Effect], theta: _Array) -> None:
         self.setup, self.effects, self.theta = setup, effects, theta
@@ -250,7 +233,7 @@ class _Hidden:
             self.truth = self.truth.extend(effect)
 
     def responses(self, own: Sequence[_Array]) -> list[_Array] | None:
-        """To all events, with some parameters of the effects; none where they cannot be simulated."""
+        """Responses to all events with the effects' parameters `own`; None where a simulation fails."""
         values = np.concatenate([self.theta, *own])
         found = [self.truth.simulate(values, event) for event in self.setup.events]
         return [r.values[0] for r in found] if all(r.ok.all() for r in found) else None
@@ -258,25 +241,25 @@ class _Hidden:
     def record(
         self, own: Sequence[_Array], responses: list[_Array], noise: tuple[float, int]
     ) -> _Recorded | None:
-        """What is recorded of responses, with noise of a level in dB and a seed; none where nobody would accept it."""
+        """Record responses with noise (level in dB, seed); None where that cannot be a scenario."""
         try:
             observations, simulator = self.setup.record(responses, *noise)
-        except InputError:  # it moves before the event: no such record is accepted
+        except InputError:  # the response moves before the event: no such recording is accepted
             return None
         sampled = [r[:, :: self.setup.every] for r in responses]
         try:
             sizes = self._sizes(own, simulator, observations, sampled)
-        except SimulationError:  # what cannot be simulated without an effect says nothing about its size
+        except SimulationError:  # the model without an effect fails, so the effect has no size
             return None
         return observations, simulator, sampled, sizes
 
     def scale(
         self, own: Sequence[_Array], recorded: _Recorded, noise: tuple[float, int], aims: _Array
     ) -> tuple[Sequence[_Array], _Recorded | None]:
-        """Parameters by which effects have the sizes `aims`, and what is recorded then; none where they cannot.
+        """Scale strengths until the effects have the sizes `aims`, and record them; None where that fails.
 
-        A size is proportional to a small strength of most effects. Others, which act beyond a threshold only, are
-        bracketed.
+        The size of most effects is proportional to a small strength. Others act beyond a threshold only, so strengths
+        are bracketed too.
         """
         below, above = np.zeros(len(aims)), np.full(len(aims), np.inf)
         for _ in range(_SCALINGS):
@@ -286,17 +269,15 @@ class _Hidden:
             strengths = np.array([abs(values[0]) for values in own])
             below = np.where(sizes < aims, strengths, below)
             above = np.where(sizes < aims, above, strengths)
+            known = np.transpose([strengths, sizes, aims, below, above])
             own = [
-                np.array([np.sign(values[0]) * _between(*known), *values[1:]])
-                for values, known in zip(
-                    own, np.transpose([strengths, sizes, aims, below, above]), strict=True
-                )
+                np.array([np.sign(values[0]) * _between(*row), *values[1:]])
+                for values, row in zip(own, known, strict=True)
             ]
-            inside = [
-                e.parameters[0].lower <= values[0] <= e.parameters[0].upper
-                for e, values in zip(self.effects, own, strict=True)
-            ]
-            responses = self.responses(own) if all(inside) else None
+            bounds = [effect.parameters[0] for effect in self.effects]
+            if not all(p.lower <= values[0] <= p.upper for p, values in zip(bounds, own, strict=True)):
+                break
+            responses = self.responses(own)
             found = None if responses is None else self.record(own, responses, noise)
             if found is None:
                 break
@@ -310,7 +291,7 @@ class _Hidden:
         observations: Sequence[Observation],
         responses: Sequence[_Array],
     ) -> list[float]:
-        """Size of each effect, with the others as they are, see `surviving`."""
+        """Size of each effect with the other effects in place, see `surviving`."""
         n = self.setup.n_fit
         values, sizes = np.concatenate([self.theta, *own]), []
         for k in range(len(self.effects)):
@@ -320,25 +301,25 @@ class _Hidden:
             for event, response in zip(self.setup.events[:n], responses[:n], strict=True):
                 found = self.truth.simulate(without, event).require_ok("the truth without an effect")
                 change.append(response - found.values[0][:, :: self.setup.every])
-            beside, known = simulator, [self.theta]  # parameters of the other effects can make up for it too
+            others, known = simulator, [self.theta]  # parameters of the other effects are refitted too
             for j, effect in enumerate(self.effects):
                 if j != k:
-                    beside, known = beside.extend(effect), [*known, own[j]]
-            sizes.append(surviving(beside, np.concatenate(known), observations[:n], change))
+                    others, known = others.extend(effect), [*known, own[j]]
+            sizes.append(surviving(others, np.concatenate(known), observations[:n], change))
         return sizes
 
 
 def _between(strength: float, size: float, aim: float, below: float, above: float) -> float:
-    """Next strength to try: proportional if that is between two whose sizes are below and above `aim`."""
+    """Next strength to try: in proportion to the size where that lies inside the bracket, else inside of it."""
     if size > 0 and below < strength * aim / size < above:
         return strength * aim / size
     return float(np.sqrt(below * above)) if below > 0 else 0.1 * above
 
 
-def _happened(
+def _bound(
     effects: Sequence[Effect], right: Sequence[str], setup: Setup, rng: np.random.Generator
 ) -> tuple[list[Effect], tuple[str, ...]]:
-    """Bind what belongs to one recording (`Effect.event_specific`) to one of those that are fitted."""
+    """Bind event-specific effects (`Effect.event_specific`) to one of the fitted recordings."""
     found, names = [], dict(zip(right, right, strict=True))
     for effect in effects:
         bound = effect
@@ -352,19 +333,11 @@ def _happened(
 def surviving(
     simulator: Simulator, theta: _Array, observations: Sequence[Observation], change: Sequence[_Array]
 ) -> float:
-    """Size of a change of the responses after all parameters have been refitted to it, in multiples of the noise.
+    """Size of a change of the responses: the part that a refit of all parameters leaves, in multiples of the noise.
 
-    The simulator is fitted to its own responses with the change and without noise, by a local search from `theta` on: a
-    minimum elsewhere may leave less. Of what is left, the rms over the time after the event is taken for each channel
-    and recording, and the largest counts.
-
-    Parameters
-    ----------
-    simulator : Simulator
-    theta : ndarray of shape (m,)
-    observations : sequence of Observation
-    change : sequence of ndarray of shape (R, L)
-        One for each recording.
+    The simulator is fitted to its own responses (R, L) with the `change` and without noise, by a local search that
+    begins at `theta` (m,). The size is the largest rms of the residuals after the event over all channels and
+    recordings. Another minimum may leave less.
 
     Raises
     ------

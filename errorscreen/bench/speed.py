@@ -1,9 +1,9 @@
-"""Speed of the parts that decide how long a study takes, each against its reference in the same run."""
+"""Speed of simulation, wavelet images, training and labels, each against its reference in the same run."""
 
 from __future__ import annotations
 
+import logging
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from errorscreen._runtime.persistence import write_json_atomic, write_text_atomic
 from errorscreen._runtime.sampling import latin_hypercube
 from errorscreen.bench.labels import label_rows, measure_labels, plot_labels
+from errorscreen.bench.markdown import table_lines
 from errorscreen.bench.timing import best_seconds, in_new_process, machine
 from errorscreen.events import Playback
 from errorscreen.exceptions import MissingExtraError
@@ -25,45 +26,42 @@ THREADS = (1, 2)
 SCHEMA_VERSION = 1
 _CNN_SHAPE = (2500, 2, 64, 256)
 
+_log = logging.getLogger(__name__)
 
-def measure_speed(
-    out: str | Path, report: Callable[[str], None] = print, *, cnn: bool = True, labels: bool = True
-) -> dict[str, Any]:
+
+def measure_speed(out: str | Path, *, cnn: bool = True, labels: bool = True) -> dict[str, Any]:
     """Measure, write ``result.json``, ``table.md`` and ``labels.png`` into `out`, and return the result.
 
     Parameters
     ----------
     out : str or Path
-        Folder, made where it is missing.
-    report : callable
-        Takes lines of text while it measures.
+        Folder; made where it is missing.
     cnn : bool
         Whether to time an epoch of the network, which needs the extra ``cnn`` and takes a minute or more.
     labels : bool
-        Whether to time the labels of the 39-bus system, which takes some minutes; the ratio to ANDES, which is part of
-        it, needs the extra ``andes``.
+        Whether to time the labels of the 39-bus system, which takes some minutes. The ratio to ANDES needs the extra
+        ``andes``.
 
     Returns
     -------
     dict
         ``simulations_per_second`` by case and batch size with the largest number of threads, and the same by number of
         threads in ``threads``; ``compile_seconds`` and ``cached_import_seconds`` by case; ``cwt`` with
-        ``signals_per_second`` and ``ratio_to_pywt``; ``cnn_epoch_seconds``. With `labels` also, all on `load_ieee39`
-        with all threads and without set-up:
+        ``signals_per_second`` and ``ratio_to_pywt``; ``cnn_epoch_seconds``. With `labels` also, on `load_ieee39` with
+        all threads and without set-up:
 
-        - ``labels_102500_seconds``: 2500 samples of 41 simulations at a step of 5 ms, and
-          ``labels_102500_seconds_default_step`` at 2.5 ms, each in a new process; their number
-          ``labels_simulations``, their ``labels_threads``, and ``labels_peak_gib``: the most memory that one of the
-          two processes held, None where the system is not Linux;
+        - ``labels_102500_seconds`` and ``labels_102500_seconds_default_step``: 2500 samples of 41 simulations at a step
+          of 5 and of 2.5 ms, each in a new process; ``labels_simulations``, their number; ``labels_threads``;
+          ``labels_peak_gib``, largest memory of the two processes, None on systems other than Linux;
         - ``labels_scaling``: list of ``{n, seconds}`` for about 1000 to 100 000 simulations at 5 ms;
           ``labels_exponent``: the power of n that fits them;
         - ``ratio_to_andes`` at 5 ms and ``ratio_to_andes_default_step`` at 2.5 ms: simulations a second over those of
-          ANDES at its default step, on one core;
+          ANDES at its default step on one core;
         - ``andes``: version, case, number of variables, seconds of one run of the New England system at its default
           step (``default_step``, ``default_step_seconds``) and at 5 ms (``coarse_step``, ``coarse_step_seconds``),
-          and ``ratios``: list of ``{step, andes_step, ratio, per_core}``.
+          and ``ratios``, a list of ``{step, andes_step, ratio, per_core}``.
 
-        Where ANDES is not installed ``andes`` and both ratios are None.
+        Without ANDES, ``andes`` and both ratios are None.
     """
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
@@ -73,36 +71,32 @@ def measure_speed(
         for threads in THREADS:
             figures = simulations_per_second(name, threads)
             result["threads"][str(threads)][name] = figures
-            report(
-                f"{name}, {threads} thread(s): "
-                + ", ".join(f"n = {n}: {v:.0f}/s" for n, v in figures.items())
-            )
+            told = ", ".join(f"n = {n}: {v:.0f}/s" for n, v in figures.items())
+            _log.info("%s, %d thread(s): %s", name, threads, told)
     result["simulations_per_second"] = result["threads"][str(THREADS[-1])]
     result |= {"compile_seconds": {}, "cached_import_seconds": {}}
     for name in DEVICES:
         compiled, cached = first_use_seconds(name)
         result["compile_seconds"][name], result["cached_import_seconds"][name] = compiled, cached
-        report(f"{name}: first use {compiled:.1f} s, from the cache {cached:.1f} s (a new process each)")
-    result["cwt"] = cwt_speed()
-    report(
-        "CWT: {signals_per_second:.0f} signals/s, {ratio_to_pywt:.1f} times pywt.cwt".format(**result["cwt"])
-    )
+        _log.info("%s: first use %.1f s, from the cache %.1f s (new process each)", name, compiled, cached)
+    result["cwt"] = cwt = cwt_speed()
+    _log.info("CWT: %.0f signals/s, %.1f times pywt.cwt", cwt["signals_per_second"], cwt["ratio_to_pywt"])
     if labels:
-        result |= measure_labels(report)
+        result |= measure_labels()
         plot_labels(result, out / "labels.png")
     if cnn:
         try:
-            result["cnn_epoch_seconds"] = cnn_epoch_seconds()
-            report(f"one epoch on {' x '.join(map(str, _CNN_SHAPE))}: {result['cnn_epoch_seconds']:.1f} s")
+            result["cnn_epoch_seconds"] = seconds = cnn_epoch_seconds()
+            _log.info("one epoch on %s: %.1f s", " x ".join(map(str, _CNN_SHAPE)), seconds)
         except MissingExtraError as error:
-            report(f"no epoch of the network: {error}")
+            _log.info("no epoch of the network: %s", error)
     write_json_atomic(out / "result.json", result)
     write_text_atomic(out / "table.md", table(result))
     return result
 
 
 def dip_event(seconds: float = 5.0, rate: float = 60.0) -> Playback:
-    """Voltage dip of 0.15 s with a swing of the angle, on the grid of a phasor measurement unit."""
+    """Voltage dip of 0.15 s with a swing of the angle, sampled as by a phasor measurement unit."""
     time = np.arange(0, seconds, 1 / rate)
     low = (time > 1.0) & (time < 1.15)
     angle = np.where(time > 1.0, 0.25 * np.sin(5.0 * (time - 1.0)) * np.exp(-(time - 1.0) / 2), 0.0)
@@ -111,7 +105,7 @@ def dip_event(seconds: float = 5.0, rate: float = 60.0) -> Playback:
 
 
 def simulations_per_second(device: str, threads: int) -> dict[str, float]:
-    """Playback of 5 s at the default step of 2.5 ms, by batch size."""
+    """Speed of playback of 5 s at the default step of 2.5 ms, by batch size."""
     simulator = PlantSimulator(device, dip_event(), n_threads=threads)
     theta = latin_hypercube(simulator.parameters, max(BATCHES), 0)
     return {str(n): n / best_seconds(lambda n=n: simulator.simulate(theta[:n])) for n in BATCHES}  # type: ignore[misc]
@@ -137,10 +131,10 @@ def first_use_seconds(device: str) -> tuple[float, float]:
 
 
 def cwt_speed(n_signals: int = 256, n_samples: int = 501) -> dict[str, float]:
-    """Wavelet energy of signals of 501 samples on 64 scales, against one call of `pywt.cwt` for each signal.
+    """Speed of the wavelet energy on 64 scales, against one call of `pywt.cwt` for each signal.
 
-    Each is given what suits it: `pywt.cwt` both of its methods in float32 and float64, of which the fastest counts,
-    and the transformer its default settings with as many threads as there are cores.
+    `pywt.cwt` runs both methods in float32 and float64, of which the fastest counts. The transformer has its default
+    settings and a thread for each core.
     """
     import pywt
 
@@ -182,15 +176,14 @@ def cnn_epoch_seconds() -> float:
 
 def table(result: dict[str, Any]) -> str:
     """Markdown table of a result of `measure_speed`."""
-    lines = [
-        "| device | threads | " + " | ".join(f"n = {n}" for n in BATCHES) + " | first use | from cache |"
-    ]
-    lines.append("|---|---|" + "---|" * (len(BATCHES) + 2))
+    rows = []
     for threads, cases in result["threads"].items():
         for name, figures in cases.items():
-            cells = " | ".join(f"{figures[str(n)]:.0f}/s" for n in BATCHES)
-            first, cached = (result[k][name] for k in ("compile_seconds", "cached_import_seconds"))
-            lines.append(f"| {name} | {threads} | {cells} | {first:.1f} s | {cached:.1f} s |")
+            cells = [f"{figures[str(n)]:.0f}/s" for n in BATCHES]
+            cells += [f"{result[key][name]:.1f} s" for key in ("compile_seconds", "cached_import_seconds")]
+            rows.append((name, threads, *cells))
+    sizes = [f"n = {n}" for n in BATCHES]
+    lines = table_lines(("device", "threads", *sizes, "first use", "from cache"), rows)
     cwt = result["cwt"]
     lines += [
         "",

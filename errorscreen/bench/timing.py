@@ -1,4 +1,4 @@
-"""How time and memory are measured: repetition, new processes, the machine."""
+"""Measurement of time and memory: repetition, new processes, the machine."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-_SHORTEST = 0.3  # seconds of repetition behind every figure
+#: seconds of repetition behind each figure
+_SHORTEST = 0.3
 _LIBRARIES = ("numpy", "numba", "scipy", "PyWavelets", "scikit-learn")
 
 
@@ -35,17 +36,7 @@ def best_seconds(call: Callable[[], Any]) -> float:
 def in_new_process(code: str, **environment: str) -> str:
     """Last line that `code` prints in a new Python process, which finds the same packages as this one.
 
-    What it writes to stderr is shown, so that a failure explains itself.
-
-    Parameters
-    ----------
-    code : str
-    **environment : str
-        Variables that differ from those of this process.
-
-    Returns
-    -------
-    str
+    Its stderr is shown, so that a failure explains itself. `environment` are variables that differ from this process.
 
     Raises
     ------
@@ -69,26 +60,26 @@ def in_new_process(code: str, **environment: str) -> str:
 
 
 def peak_gib() -> float | None:
-    """Most memory that this process has held so far, in GiB; None where the system does not tell (only Linux does).
+    """Largest memory of this process so far in GiB; None on systems other than Linux.
 
     It is read from the kernel's account of this process, because ``getrusage`` starts a child at its parent's peak.
     """
-    path = Path("/proc/self/status")
-    found = re.search(r"VmHWM:\s*(\d+) kB", path.read_text()) if path.exists() else None
-    return int(found[1]) / 2**20 if found else None
+    found = _found("/proc/self/status", r"VmHWM:\s*(\d+) kB")
+    return int(found) / 2**20 if found else None
 
 
-def _processor() -> str:
-    """Model of the processor where the system tells, else its architecture."""
-    path = Path("/proc/cpuinfo")
-    found = re.search(r"model name\s*: (.+)", path.read_text()) if path.exists() else None
-    return found[1].strip() if found else platform.processor() or platform.machine()
+def _found(file: str, pattern: str) -> str | None:
+    """First match in a file of the system, if there are both."""
+    path = Path(file)
+    found = re.search(pattern, path.read_text()) if path.exists() else None
+    return found[1].strip() if found else None
 
 
 def machine() -> dict[str, Any]:
-    """What was measured on: processor, cores, versions."""
+    """Processor, number of cores and versions of Python and libraries."""
+    processor = _found("/proc/cpuinfo", r"model name\s*: (.+)")
     return {
-        "processor": _processor(),
+        "processor": processor or platform.processor() or platform.machine(),
         "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
         "python": platform.python_version(),
         "versions": {name: version(name) for name in _LIBRARIES},

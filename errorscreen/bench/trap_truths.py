@@ -1,8 +1,9 @@
-"""True responses of the traps: small systems with one hidden mechanism, in its hard form, written out by themselves.
+"""True responses of the traps: small systems with one hidden mechanism in its hard form.
 
-They share no equation with the library: friction really sticks, limits and timers really switch, memories live on the
-fine grid of the truth. The methods are Heun's and Euler's with a fiftieth of the sampling interval, exact to about 57
-dB: enough under noise of 40 dB, not under one of 60.
+They share no equation with the library: friction really sticks, limits and timers really switch. The methods are Heun's
+and Euler's with a fiftieth of the sampling interval, exact to about 57 dB: enough under noise of 40 dB, not of 60.
+Every function takes the input ``u`` (L,) and the seconds ``dt`` between its samples, then the parameters of the model,
+then those of the mechanism.
 """
 
 from __future__ import annotations
@@ -22,18 +23,9 @@ _Array = NDArray[np.float64]
 
 @numba.njit(cache=True)
 def mass(u: Any, dt: Any, b: Any, c: Any, F: Any, r: Any, s: Any) -> Any:
-    """Velocity of a mass with viscous, Coulomb and Stribeck friction that really sticks.
+    """Velocity of a mass with gain `b`, viscous friction `c` and dry friction; the force is held between samples.
 
-    Parameters
-    ----------
-    u : ndarray of shape (L,)
-        Force, held between samples.
-    dt : float
-        Seconds between samples.
-    b, c : float
-        Gain and viscous friction.
-    F, r, s : float
-        Friction in motion, by how much more it is at rest, and where it has fallen to a third.
+    `F` is the dry friction in motion, `F` (1 + `r`) that at rest; at the velocity `s` the excess has fallen to a third.
     """
     out, v, h = np.empty(u.size), 0.0, dt / FINE
     for k in range(u.size):
@@ -60,19 +52,10 @@ def mass(u: Any, dt: Any, b: Any, c: Any, F: Any, r: Any, s: Any) -> Any:
 
 @numba.njit(cache=True)
 def actuator(u: Any, dt: Any, b: Any, c: Any, k: Any, kind: Any, a: Any, low: Any, high: Any) -> Any:
-    """Position of an oscillator behind an actuator with one fault.
+    """Position of an oscillator (gain `b`, damping `c`, stiffness `k`) behind an actuator with one fault.
 
-    Parameters
-    ----------
-    u : ndarray of shape (L,)
-        Command, linear between samples.
-    dt, b, c, k : float
-        Seconds between samples; gain, damping and stiffness of the oscillator.
-    kind : int
-        0 none, 1 dead band, 2 backlash, 3 saturation, 4 rate limit, 5 delay, 6 lag.
-    a, low, high : float
-        Half width and centre of a dead band, half width of a play, seconds for one unit, delay, time constant; limits
-        of a saturation.
+    The command is linear between samples. `kind`: 0 none, 1 dead band (half width `a`, centre `low`), 2 backlash (half
+    width), 3 saturation (`low`, `high`), 4 rate limit (seconds for one unit), 5 delay (s), 6 lag (s).
     """
     out, h = np.empty(u.size), dt / FINE
     x, v, w = 0.0, 0.0, u[0]
@@ -110,20 +93,10 @@ def actuator(u: Any, dt: Any, b: Any, c: Any, k: Any, kind: Any, a: Any, low: An
 
 @numba.njit(cache=True)
 def tanks(u: Any, dt: Any, a: Any, b: Any, kind: Any, brim: Any, share: Any) -> Any:
-    """Level of the lower of two tanks, the upper of which runs over.
+    """Level of the lower of two tanks with outlets `a` and `b` (Torricelli); the inflow is held between samples.
 
-    Parameters
-    ----------
-    u : ndarray of shape (L,)
-        Flow into the upper tank, held between samples.
-    dt, a, b : float
-        Seconds between samples, and the outlets (Torricelli).
-    kind : int
-        0 none, 1 overflow of the upper tank, 2 the lower level's sensor saturates at `brim`.
-    brim : float
-        Height of the brim: what comes in at that level leaves at once.
-    share : float
-        Of what spills, arrives in the lower tank.
+    `kind`: 0 none, 1 the upper tank overflows at once above `brim` and `share` of that arrives in the lower one, 2 the
+    sensor of the lower level saturates at `brim`.
     """
     out, h = np.empty(u.size), dt / FINE
     upper, lower = 1.0, 1.0
@@ -143,18 +116,10 @@ def tanks(u: Any, dt: Any, a: Any, b: Any, kind: Any, brim: Any, share: Any) -> 
 
 @numba.njit(cache=True)
 def relay(u: Any, dt: Any, a: Any, b: Any, kind: Any, share: Any, threshold: Any, timer: Any) -> Any:
-    """Level of a leaking store whose supply is cut by a relay.
+    """Level of a store with gain `a` and leakage `b`; the supply is held between samples.
 
-    Parameters
-    ----------
-    u : ndarray of shape (L,)
-        Supply, held between samples.
-    dt, a, b : float
-        Seconds between samples, gain, and leakage.
-    kind : int
-        0 none, 1 the relay watches the level, 2 the supply.
-    share, threshold, timer : float
-        What it takes away, above which value, and after how many seconds.
+    `kind`: 0 none, 1 or 2 a relay that watches the level or the supply takes `share` of the supply away after `timer`
+    seconds above `threshold`.
     """
     out, h = np.empty(u.size), dt / FINE
     x, beyond = 0.0, 0.0

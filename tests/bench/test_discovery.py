@@ -1,44 +1,44 @@
-"""The discovery study: scenarios are what they say, records are summed up rightly, runs go on where they stopped."""
+"""The discovery study: draws are what they say, sizes are measured rightly, a study goes on where it stopped."""
 
 import json
+import logging
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from errorscreen.bench import discovery_study, scenarios
-from errorscreen.bench.discovery import run_scenario
+from errorscreen.bench import discovery_study
+from errorscreen.bench.discovery import run_scenario, streams_of
 from errorscreen.bench.discovery_output import by_size, power_figure
 from errorscreen.bench.grid_scenarios import draw_grid_scenario
 from errorscreen.bench.hidden_effects import OTHER_FORMS, OUTSIDE
-from errorscreen.bench.plant_scenarios import draw_plant_scenario
-from errorscreen.bench.scenarios import MIX, surviving
+from errorscreen.bench.plant_scenarios import draw_plant_scenario, plant_setup
+from errorscreen.bench.scenarios import MIX, draw_scenario, surviving
 from errorscreen.bench.trap_scenarios import draw_trap_scenario
 from errorscreen.cli import main
 from errorscreen.exceptions import InputError, SimulationError
 from tests.plants import DEVICE_NAMES, dip, flat, plant, random_rows
 
-HIDDEN = [(d, e) for d in DEVICE_NAMES for e in (*(e for e, _ in OTHER_FORMS[d]), *OUTSIDE[d])]
 
-
-@pytest.mark.parametrize(("device", "effect"), HIDDEN, ids=lambda x: getattr(x, "name", x))
-def test_hidden_effects_are_identities_at_strength_zero_and_leave_the_equilibrium_alone(device, effect):
-    base = plant(device, dip(stop=3.0), effects=[effect])
-    extended = base.extend(effect.name)
+@pytest.mark.parametrize("device", DEVICE_NAMES)
+def test_hidden_effects_are_identities_at_strength_zero_and_leave_the_equilibrium_alone(device):
+    effects = [*(effect for effect, _ in OTHER_FORMS[device]), *OUTSIDE[device]]
+    base = extended = plant(device, dip(stop=3.0), effects=effects)
+    for effect in effects:
+        extended = extended.extend(effect.name)
     theta = random_rows(extended, 5, seed=1)
-    theta[:, len(base.parameters)] = 0.0
     plain = base.simulate(theta[:, : len(base.parameters)]).values
+    on = theta.copy()
+    for effect in effects:
+        theta[:, extended.parameters.index(effect.local(effect.parameters[0].name))] = 0.0
     assert np.array_equal(extended.simulate(theta).values, plain, equal_nan=True)
-    at_rest = plant(device, flat(stop=1.1), effects=[effect]).extend(
-        effect.name
-    )  # before anything is switched
-    values = at_rest.simulate(random_rows(at_rest, 5)).require_ok().values
-    assert np.abs(values - values[..., :1]).max() < 1e-9
+    at_rest = extended.simulate(on, flat(stop=1.1)).require_ok().values  # before anything is switched
+    assert np.abs(at_rest - at_rest[..., :1]).max() < 1e-9
 
 
 @pytest.mark.parametrize("kind", [kind for kind, _ in MIX])
 def test_a_scenario_hides_what_it_says(kind):
-    hidden = draw_plant_scenario(7, 40.0, kind=kind)
-    again = draw_plant_scenario(7, 40.0, kind=kind)
+    hidden, again = (draw_plant_scenario(7, 40.0, kind=kind, device="pv_plant") for _ in range(2))
     assert hidden.kind == kind
     assert np.array_equal(hidden.recordings[0].values, again.recordings[0].values)
     assert len(hidden.recordings) == len(hidden.held_out) == len(hidden.truths) == 2
@@ -100,25 +100,10 @@ def test_an_unknown_kind_is_refused(draw):
         draw(0, 40.0, kind="efect")
 
 
-@pytest.mark.filterwarnings("ignore::errorscreen.exceptions.DataWarning")  # of some of the many draws
-def test_effects_below_the_noise_cannot_be_hidden(monkeypatch):
-    monkeypatch.setattr("errorscreen.bench.scenarios.TRIES", 5)
-    with pytest.raises(InputError, match=r"none of 5 effects drawn is at least 1e\+09 times the noise"):
-        draw_plant_scenario(0, 40.0, kind="measurement", device="pv_plant", least_size=1e9)
-
-
-@pytest.mark.parametrize(
-    ("draw", "seed", "kind", "device"),
-    [
-        (draw_plant_scenario, 1, "effect", "synchronous_machine"),
-        (draw_plant_scenario, 4, "two effects", "pv_plant"),
-        (draw_plant_scenario, 1, "other form", "dfig_plant"),
-        (draw_grid_scenario, 1, "measurement", None),
-    ],
-)
-def test_strengths_are_scaled_to_a_size(draw, seed, kind, device):
-    as_drawn = draw(seed, 30.0, kind=kind, device=device, least_size=0.0)
-    hidden = draw(seed, 30.0, kind=kind, device=device, least_size=0.1, largest_size=0.2)
+def test_strengths_are_scaled_to_a_size():
+    options = {"kind": "two effects", "device": "pv_plant"}
+    as_drawn = draw_plant_scenario(4, 30.0, **options, least_size=0.0)
+    hidden = draw_plant_scenario(4, 30.0, **options, least_size=0.1, largest_size=0.2)
     assert as_drawn.size > 0.3
     assert 0.1 <= hidden.size <= 0.22
     assert hidden.hidden == as_drawn.hidden
@@ -154,19 +139,35 @@ def record(kind, outcome, probability=0.9, top=True, size=5.0, **more):
     }  # fmt: skip
 
 
-def test_what_cannot_be_simulated_without_the_effect_is_drawn_again(monkeypatch):
-    sized, calls = scenarios.surviving, []
+class Failing:
+    """A model that cannot be simulated."""
 
-    def fails_once(*arguments):
-        calls.append(1)
+    def simulate(self, theta, event):
+        raise SimulationError("diverged")
+
+
+def test_what_cannot_be_recorded_or_simulated_without_the_effect_is_drawn_again():
+    setup, calls = plant_setup("pv_plant"), []
+
+    def record(*arguments):
+        calls.append(arguments)
         if len(calls) == 1:
-            raise SimulationError("diverged")
-        return sized(*arguments)
+            raise InputError("moves before the event")
+        observations, simulator = setup.record(*arguments)
+        return observations, Failing() if len(calls) == 2 else simulator
 
-    monkeypatch.setattr(scenarios, "surviving", fails_once)
-    hidden = draw_plant_scenario(0, 40.0, kind="effect", device="pv_plant")
-    assert len(calls) > 1
+    rng, theta = np.random.default_rng(0), setup.truth.parameters.nominal
+    hidden = draw_scenario(replace(setup, record=record), rng, "measurement", "pv_plant", theta, 40.0)
+    assert len(calls) > 2
     assert hidden.size >= 3.0
+
+
+def test_effects_below_the_noise_cannot_be_hidden(monkeypatch):
+    monkeypatch.setattr("errorscreen.bench.trap_scenarios.TRIES", 3)
+    with pytest.raises(
+        InputError, match=r"none of 3 effects drawn in the trap 'play' is at least 1e\+09 times"
+    ):
+        draw_trap_scenario(0, 40.0, kind="effect", device="play", least_size=1e9)
 
 
 def test_outcomes_by_size():
@@ -196,27 +197,24 @@ def test_outcomes_by_size():
     assert len(power_figure(*[result] * 9).axes[0].containers) == 9
 
 
-def test_a_study_of_some_kinds_and_sizes(tmp_path):
-    kinds = ("measurement", "nothing")
-    options = {"seed": 5, "least_size": 0.02, "largest_size": 0.03, "kinds": kinds, "noise_db": 20.0}
-    result = discovery_study(tmp_path, lambda text: None, scenarios=2, n_jobs=1, **options)
-    assert [r["truth"]["kind"] for r in result["scenarios"]] == list(kinds)
-    assert result["mix"] == {"measurement": 0.5, "nothing": 0.5}
+def test_a_study_of_some_kinds_and_sizes(tmp_path, caplog):
+    options = {"seed": 5, "least_size": 0.02, "noise_db": 20.0, "kinds": ("measurement",), "n_jobs": 1}
+    with caplog.at_level(logging.INFO):
+        result = discovery_study(tmp_path, scenarios=1, largest_size=0.03, **options)
+    assert "1 scenarios, 0 of them finished before" in caplog.text
+    (found,) = result["scenarios"]
+    assert found["truth"]["kind"] == "measurement"
+    assert result["mix"] == {"measurement": 1.0}
     assert (result["least_size"], result["largest_size"]) == (0.02, 0.03)
-    first, _ = result["scenarios"]
-    assert 0.02 <= first["truth"]["size"] <= 0.033
-    assert first["outcome"] == "missed"  # a change far below the noise is not reported
+    assert 0.02 <= found["truth"]["size"] <= 0.033
+    assert found["outcome"] == "missed"  # a change far below the noise is not reported
     with pytest.raises(InputError, match="belongs to another run"):
-        discovery_study(
-            tmp_path, lambda text: None, scenarios=2, n_jobs=1, **{**options, "largest_size": 0.04}
-        )
+        discovery_study(tmp_path, scenarios=1, largest_size=0.04, **options)
 
 
 def test_a_scenario_tells_intervals_beside_true_values():
-    hidden = draw_plant_scenario(
-        np.random.SeedSequence(6, spawn_key=(0,)).spawn(2)[0], 40.0, kind="measurement"
-    )
-    found = run_scenario("plant", 6, 0, 40.0, 3.0, "measurement")
+    hidden = draw_trap_scenario(streams_of(6, 0)[0], 40.0, kind="effect")
+    found = run_scenario("traps", 6, 0, 40.0, 3.0, "effect")
     assert found["named"] == list(hidden.hidden)
     assert [entry["true"] for entry in found["intervals"]] == hidden.values.tolist()
     for entry in found["intervals"]:

@@ -1,5 +1,7 @@
 """Labels are timed, and compared with ANDES where it is installed; nothing is asserted about time."""
 
+import logging
+
 import numba
 import pytest
 
@@ -22,10 +24,10 @@ def tiny(monkeypatch):
 
 @pytest.mark.slow
 @andes
-def test_everything_at_a_tiny_size(tiny):
+def test_everything_at_a_tiny_size(tiny, caplog):
     prepare()
-    lines = []
-    found = labels.measure_labels(lines.append)
+    with caplog.at_level(logging.INFO):
+        found = labels.measure_labels()
     assert [row["n"] for row in found["labels_scaling"]] == [COST, 4 * COST]
     assert found["labels_simulations"] == 3 * COST
     threads = numba.config.NUMBA_NUM_THREADS
@@ -43,21 +45,21 @@ def test_everything_at_a_tiny_size(tiny):
     assert found["ratio_to_andes_default_step"] == second["ratio"]
     assert (first["step"], second["step"], same_step["step"]) == (0.005, 0.0025, 0.005)
     assert first["per_core"] == first["ratio"] / threads
-    assert any("times its throughput" in line for line in lines)
+    assert "times its throughput" in caplog.text
     table = "\n".join(labels.label_rows(found))
     assert "| 54 simulations at 2.5 ms |" in table
     assert f"({first['per_core']:.0f} per core)" in table
 
 
-def test_without_andes_the_ratio_is_null_and_the_extra_is_named(tiny, monkeypatch):
+def test_without_andes_the_ratio_is_null_and_the_extra_is_named(tiny, monkeypatch, caplog):
     monkeypatch.setattr(labels.importlib.util, "find_spec", lambda name: None)
     run = {"simulations": 123, "seconds": 0.5, "threads": 2, "peak_gib": 0.3}
     monkeypatch.setattr(labels, "label_run_in_new_process", lambda step, samples: run)
-    lines = []
-    found = labels.measure_labels(lines.append)
+    with caplog.at_level(logging.INFO):
+        found = labels.measure_labels()
     assert found["andes"] is found["ratio_to_andes"] is found["ratio_to_andes_default_step"] is None
     assert found["labels_peak_gib"] == 0.3
-    assert 'pip install "errorscreen[andes]"' in lines[-1]
+    assert 'pip install "errorscreen[andes]"' in caplog.messages[-1]
 
 
 def test_a_proportion_has_exponent_one():

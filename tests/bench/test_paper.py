@@ -1,6 +1,7 @@
 """The case study in a small version; the figures of the full one are in the documentation, not asserted here."""
 
 import json
+import logging
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ SMALL = Effort(
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
     out = tmp_path_factory.mktemp("paper")
-    return out, paper_study(out, lambda line: None, draws=2, seed=4, noise_db=40.0, effort=SMALL)
+    return out, paper_study(out, draws=2, seed=4, noise_db=40.0, effort=SMALL)
 
 
 def test_the_result_has_the_documented_form(finished):
@@ -63,22 +64,26 @@ def test_tables_and_figures_are_written(finished):
     assert result["shown_draw"] in (0, 1)
 
 
-def test_finished_draws_are_kept_and_more_can_follow(finished):
+def stored_draw(out, i):
+    return (out / "stages" / "draws" / f"batch-{i:06d}.npz").read_bytes()
+
+
+def test_finished_draws_are_kept_and_more_can_follow(finished, caplog):
     out, _ = finished
-    kept = [(out / "stages" / "draws" / f"batch-{i:06d}.npz").read_bytes() for i in range(2)]
-    lines = []
-    again = paper_study(out, lines.append, draws=3, seed=4, noise_db=40.0, effort=SMALL)
-    assert any("2 of them finished before" in line for line in lines)
+    kept = [stored_draw(out, i) for i in range(2)]
+    with caplog.at_level(logging.INFO):
+        again = paper_study(out, draws=3, seed=4, noise_db=40.0, effort=SMALL)
+    assert "3 draws, 2 of them finished before" in caplog.text
     assert again["draws"] == 3
-    assert kept == [(out / "stages" / "draws" / f"batch-{i:06d}.npz").read_bytes() for i in range(2)]
+    assert kept == [stored_draw(out, i) for i in range(2)]
     with pytest.raises(InputError, match="whitend"):
-        paper_study(out, lines.append, draws=2, seed=4, network="whitend", effort=SMALL)
+        paper_study(out, draws=2, seed=4, network="whitend", effort=SMALL)
     with pytest.raises(InputError, match="belongs to another run"):
-        paper_study(out, lines.append, draws=2, seed=5, noise_db=40.0, effort=SMALL)
+        paper_study(out, draws=2, seed=5, noise_db=40.0, effort=SMALL)
 
 
 def test_the_number_of_processes_does_not_matter(finished, tmp_path):
-    other = paper_study(tmp_path, lambda line: None, draws=2, seed=4, noise_db=40.0, effort=SMALL, n_jobs=2)
+    other = paper_study(tmp_path, draws=2, seed=4, noise_db=40.0, effort=SMALL, n_jobs=2)
     for name, entry in finished[1]["methods"].items():
         for part in ("fit", "held_out"):
             assert other["methods"][name][part] == entry[part]

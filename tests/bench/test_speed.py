@@ -1,12 +1,14 @@
 """The speed benchmark runs and its result has the documented form; nothing is asserted about time."""
 
 import json
+import logging
+import sys
 
 import pytest
 
 from errorscreen.bench import speed, timing
+from errorscreen.bench.labels import plot_labels
 from errorscreen.cli import main
-from errorscreen.exceptions import MissingExtraError
 from errorscreen.models import DEVICES
 
 
@@ -31,42 +33,39 @@ def test_result_and_table(tmp_path, monkeypatch, capsys):
     assert "Written" in capsys.readouterr().out
 
 
-def test_labels_join_the_result_and_are_plotted(tmp_path, monkeypatch):
-    monkeypatch.setattr(speed, "DEVICES", {})
-    monkeypatch.setattr(speed, "cwt_speed", lambda: {"signals_per_second": 1.0, "ratio_to_pywt": 1.0})
-    found = {
-        "labels_102500_seconds": 30.0,
-        "labels_102500_seconds_default_step": 60.0,
-        "labels_simulations": 102500,
-        "labels_peak_gib": None,
-        "labels_scaling": [{"n": 984, "seconds": 0.3}, {"n": 9840, "seconds": 3.0}],
-        "labels_exponent": 1.0,
-        "andes": None,
-        "ratio_to_andes": None,
-    }
-    monkeypatch.setattr(speed, "measure_labels", lambda report: found)
-    result = speed.measure_speed(tmp_path, lambda line: None, cnn=False)
-    assert found.items() <= result.items()
-    assert result == json.loads((tmp_path / "result.json").read_text())
-    table = (tmp_path / "table.md").read_text()
+MEASURED = {
+    "threads": {},
+    "cwt": {"signals_per_second": 1.0, "ratio_to_pywt": 1.0},
+    "machine": timing.machine(),
+    "labels_102500_seconds": 30.0,
+    "labels_102500_seconds_default_step": 60.0,
+    "labels_simulations": 102500,
+    "labels_peak_gib": None,
+    "labels_scaling": [{"n": 984, "seconds": 0.3}, {"n": 9840, "seconds": 3.0}],
+    "labels_exponent": 1.0,
+    "andes": None,
+}
+
+
+def test_labels_are_in_the_table_and_plotted(tmp_path):
+    table = speed.table(MEASURED)
     assert "| 102500 simulations at 5 ms | 30.0 s |" in table
     assert 'pip install "errorscreen[andes]"' in table
+    plot_labels(MEASURED, tmp_path / "labels.png")
     assert (tmp_path / "labels.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_without_torch_the_rest_is_measured(tmp_path, monkeypatch):
-    def missing():
-        raise MissingExtraError("torch", extra="cnn")
-
+def test_without_torch_the_rest_is_measured(tmp_path, monkeypatch, caplog):
+    monkeypatch.setitem(sys.modules, "torch", None)
     monkeypatch.setattr(speed, "DEVICES", {})
-    monkeypatch.setattr(speed, "cwt_speed", lambda: {"signals_per_second": 1.0, "ratio_to_pywt": 1.0})
-    monkeypatch.setattr(speed, "cnn_epoch_seconds", missing)
-    lines = []
-    result = speed.measure_speed(tmp_path, lines.append, labels=False)
+    monkeypatch.setattr(speed, "cwt_speed", lambda: MEASURED["cwt"])
+    with caplog.at_level(logging.INFO):
+        result = speed.measure_speed(tmp_path, labels=False)
     assert "cnn_epoch_seconds" not in result
-    assert "no epoch of the network: torch is not installed" in lines[-1]
+    assert "no epoch of the network: torch is not installed" in caplog.messages[-1]
 
 
+@pytest.mark.slow
 def test_first_use_is_measured_in_new_processes():
     compiled, cached = speed.first_use_seconds("pv_plant")
     assert compiled > 0
