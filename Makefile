@@ -1,6 +1,7 @@
 # `make demo` and `make test` do all the set-up themselves, each in its own virtual environment.
 PYTHON ?= python3
 DEMO_OUT ?= errorscreen-demo
+PYTEST_OPTIONS ?=
 PIP_INSTALL = -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
 .PHONY: demo test lint check docs generated clean
@@ -26,7 +27,7 @@ lint: .venv-test/installed
 	.venv-test/bin/mypy
 
 check: .venv-test/installed
-	.venv-test/bin/pytest --numprocesses auto --dist loadfile
+	.venv-test/bin/pytest --numprocesses auto --dist worksteal $(PYTEST_OPTIONS)
 
 docs: .venv-test/installed
 	.venv-test/bin/sphinx-build -W --keep-going --quiet docs docs/_build/html

@@ -1,54 +1,23 @@
-"""Every example runs, without a warning, and says what it is meant to show; every case file is read."""
+"""Every case file of the examples is read; the examples themselves run while the documentation is built."""
 
-import os
-import subprocess
-import sys
+import importlib
 from pathlib import Path
 
 import pytest
 
-import errorscreen
 from errorscreen.cases import load_case
 from errorscreen.simulators import PlantSimulator
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
-#: what the output of each example must hold
-SAYS = {
-    "plot_quickstart.py": "Values of the parameters reproduce the recording",
-    "plot_grid_search.py": "overlap of the five largest",
-    "plot_ieee39_grid_search.py": "| mean contribution (blind) |",
-    "plot_own_simulator.py": "Values of the parameters reproduce the recording",
-    "plot_effect.py": "exciter.K",
-    "plot_fmu.py": "Clock skew of y",
-    "plot_own_equations.py": "Coulomb friction on speed, in the equation of speed",
-    "plot_wavelet_image.py": "(2, 2, 64, 256)",
-}
+ROOT = Path(__file__).parents[1]
+EXAMPLES = ROOT / "examples"
 CASES = sorted(EXAMPLES.glob("*.toml"))
 
 
-def test_every_example_is_tested():
-    assert {path.name for path in EXAMPLES.glob("*.py")} == set(SAYS)
+def test_every_example_is_checked(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "docs"))
+    gallery = importlib.import_module("_tools.gallery")
+    assert {path.stem for path in EXAMPLES.glob("*.py")} == set(gallery.SAYS)
     assert {path.name for path in CASES} >= {"grid_fault.toml", "volt_var.toml"}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", SAYS)
-def test_example_runs(name, tmp_path):
-    environment = {
-        **os.environ,
-        "PYTHONPATH": str(Path(errorscreen.__file__).parents[1]),
-        "PYTHONIOENCODING": "utf-8",
-    }
-    run = subprocess.run(
-        [sys.executable, "-W", "error", str(EXAMPLES / name)],
-        cwd=tmp_path,
-        env=environment,
-        capture_output=True,
-        encoding="utf-8",
-    )
-    assert run.returncode == 0, run.stderr
-    assert SAYS[name] in run.stdout
-    assert not list(tmp_path.iterdir())  # an example leaves nothing behind
 
 
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)

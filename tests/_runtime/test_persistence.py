@@ -32,7 +32,7 @@ json_values = st.recursive(
 
 
 @pytest.mark.parametrize(("save", "load"), PAIRS)
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(data=st.data())
 def test_arrays_and_meta_come_back_as_they_were(tmp_path_factory, save, load, data):
     names = st.text(st.sampled_from("abcdefg_0"), min_size=1)

@@ -11,7 +11,7 @@ SPACE = ParameterSpace([Parameter("a", 1.0, 0.7, 1.3), Parameter("b", -2.0, -5.0
 
 
 @given(n=st.integers(1, 60), seed=st.integers(0, 2**32 - 1))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_every_interval_of_every_parameter_holds_one_sample(n, seed):
     theta = latin_hypercube(SPACE, n, seed)
     lower, upper = SPACE.bounds.T

@@ -7,16 +7,16 @@ from errorscreen.calibration import MAPCalibrator
 from errorscreen.cases.demo import demo_recordings
 from errorscreen.simulators import PlantSimulator
 
-DRAWS = 40
+DRAWS = 20
 
 
 @pytest.mark.slow
 def test_coverage_of_the_intervals_on_a_machine():
-    """90 % intervals of eight parameters, 40 blind draws.
+    """90 % intervals of eight parameters, 20 blind draws.
 
     The eight of one draw share its noise, so the draws are what counts: the share of a draw has a standard deviation of
-    at most sqrt(0.9 * 0.1) = 0.3 and in the mean of 40 at most 0.05, of which three either way are allowed at most; the
-    lower limit here is half of that because an interval that holds less than 0.82 would mislead.
+    at most sqrt(0.9 * 0.1) = 0.3, the mean of 20 of at most 0.07. The lower limit is little more than one of them below
+    0.9, because an interval that holds less than 0.82 would mislead.
     """
     shares, chi2 = [], []
     for seed in range(500, 500 + DRAWS):

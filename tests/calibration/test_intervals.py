@@ -12,7 +12,7 @@ from errorscreen.calibration.intervals import (
 
 
 @given(seed=st.integers(0, 10**6), n=st.integers(1, 20), k=st.integers(1, 6), inflation=st.floats(1, 50))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_covariance_is_the_inverse_of_the_posterior_precision(seed, n, k, inflation):
     J = np.random.default_rng(seed).standard_normal((n, k))
     expected = np.linalg.inv(J.T @ J / inflation + np.eye(k) / 0.3**2)

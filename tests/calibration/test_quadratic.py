@@ -26,7 +26,7 @@ def drawn(seed, k, damping):
     patience=st.sampled_from([0, 3, 1000]),
     guesses=st.sampled_from([0, 1, 10]),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_the_minimum_inside_bounds_meets_the_optimality_conditions(seed, k, damping, patience, guesses):
     A, g, low, high = drawn(seed, k, damping)
     with pytest.MonkeyPatch.context() as patch:
@@ -46,7 +46,7 @@ def test_the_minimum_inside_bounds_meets_the_optimality_conditions(seed, k, damp
     k=st.integers(1, 30),
     dampings=st.lists(st.floats(0, 9), min_size=1, max_size=7),
 )
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_minima_for_several_dampings_are_those_for_each_of_them(seed, k, dampings):
     A, g, low, high = drawn(seed, k, -6.0)
     alone = [bounded_minimum(A + damping * np.eye(k), g, low, high) for damping in dampings]

@@ -36,7 +36,7 @@ def test_without_bounds_it_finds_what_scipy_finds(residuals, start):
 
 
 @given(seed=st.integers(0, 10**6), k=st.integers(1, 6))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_a_bounded_linear_problem_with_prior_is_solved_exactly(seed, k):
     rng = np.random.default_rng(seed)
     A, b = rng.standard_normal((12, k)), 3 * rng.standard_normal(12)

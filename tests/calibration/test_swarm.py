@@ -41,7 +41,7 @@ def test_a_minimum_outside_the_bounds_is_found_on_the_bound():
     st.floats(0.01, 2),
     st.floats(0, 0.9),
 )
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_bounds_and_step_hold_and_the_best_never_worsens(seed, inertia, cognitive, social, fastest, share):
     rng = np.random.default_rng(seed)
     swarm = ParticleSwarm(

@@ -39,7 +39,7 @@ FRAME = plain()
 REFERENCE = from_frame(FRAME, {k: Column(k, unit=u) for k, u in UNITS.items()}, **BASES)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(
     power=st.sampled_from(["W", "kW", "MW", "pu"]),
     voltage=st.sampled_from(["V", "kV", "pu"]),

@@ -43,7 +43,7 @@ def deviating(simulator):
     return simulator.parameters.nominal * rng.uniform(0.9, 1.1, len(simulator.parameters))
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(st.floats(0.05, 10.0), st.floats(0.0, 0.6), st.floats(0.1, 0.6))
 def test_a_step_up_takes_its_size_times_the_strength(Tr, low, step):
     """(U1), (U2) by an adaptive method against the straight line that they are meant to be."""
@@ -62,7 +62,7 @@ def test_a_step_up_takes_its_size_times_the_strength(Tr, low, step):
     assert acting(low, x[50])[0] == low
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(st.floats(0.1, 10.0), st.floats(0.05, 0.95))
 def test_a_slower_rise_is_not_changed(Tr, share):
     """Also not by the lag of the memory, once it has settled: it rests `share` of the margin below the command."""
@@ -121,7 +121,7 @@ def test_a_ramp_faster_than_the_regulator_shows_nothing():
     assert np.abs(slower - off).max() > 0.2
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(st.floats(-0.6, 14.0), st.integers(0, 100))
 def test_a_loop_of_another_gain_in_playback(s, seed):
     """The same as with the constant changed, to rounding."""
@@ -223,10 +223,9 @@ def test_reactive_power_follows_the_curve_wherever_it_starts(start):
     assert settled - 0.1 == pytest.approx(curve(np.array(levels)) - curve(start), abs=2e-4)
 
 
-@pytest.mark.slow
 def test_a_volt_var_controller_that_starts_on_its_slope_is_named():
     """The record is written by corner points and a lag, not by a device; steps in both directions tell the centre."""
-    event = staircase([0.96, 0.93, 0.95, 0.985, 1.01, 1.04, 1.06, 1.0, 0.96])
+    event = staircase([0.96, 0.93, 0.95, 0.985, 1.01, 1.04, 1.06, 1.0, 0.96], each=1.0)
     x, reactive = curve(0.96), []
     for V in event.signals["V"]:
         x += (curve(V) - x) * event.dt / 0.3
@@ -237,7 +236,10 @@ def test_a_volt_var_controller_that_starts_on_its_slope_is_named():
         (2, len(reactive))
     )
     model = plant("pv_plant", event, n_threads=1)
-    finder = CauseFinder(model, random_state=0).fit(Observation(event, y, noise, model.channels, model.units))
+    rivals = ["lag_reactive", "priority", "lag_Q", "scale_Q", "offset_Q"]
+    finder = CauseFinder(model, ["volt_var", *rivals], max_effects=1, random_state=0).fit(
+        Observation(event, y, noise, model.channels, model.units)
+    )
     cause = finder.causes_[0]
     assert cause.name == "volt_var"
     found = {name.removeprefix("volt_var."): value for name, (value, _, _) in cause.values.items()}

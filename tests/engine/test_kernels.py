@@ -45,7 +45,7 @@ def test_numpy_few_lanes_and_many_agree_bit_for_bit(device):
         assert np.array_equal(compiled.simulate(theta[i]).values[0], together.values[i], equal_nan=True)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.integers(1, 70), st.randoms(use_true_random=False))
 def test_neighbours_and_order_do_not_matter(n, random):
     simulator = plant("pv_plant")

@@ -31,7 +31,7 @@ def errors_like(seed, n=3, channels=2, length=80):
     return np.random.default_rng(seed).normal(size=(n, channels, length))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     length=st.integers(2, 120),
     columns=st.integers(1, 60),
@@ -74,7 +74,7 @@ def test_columns_share_out_every_sample_exactly_once(length, columns):
     assert np.all(np.diff(pool_columns(np.arange(float(length)), index, weight)) >= -1e-9)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(factor=st.floats(1e-3, 1e3), seed=st.integers(0, 999))
 def test_scaling_a_signal_by_a_scales_its_energy_by_a_squared(factor, seed):
     errors = errors_like(seed)

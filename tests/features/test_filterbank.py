@@ -19,7 +19,7 @@ WAVELETS = st.one_of(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     wavelet=WAVELETS,
     n_times=st.integers(1, 300),

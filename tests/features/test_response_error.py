@@ -14,7 +14,7 @@ def test_scikit_learn_contract(estimator, check):
     check(estimator)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=st.integers(0, 999), shift=st.floats(-1e3, 1e3))
 def test_the_error_adds_up_with_the_baseline_and_ignores_a_common_offset(seed, shift):
     rng = np.random.default_rng(seed)

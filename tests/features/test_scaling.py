@@ -30,7 +30,7 @@ def test_equals_scikit_learns_scaler_on_the_values_of_each_channel_or_row(by, ax
     np.testing.assert_allclose(scaler.scale_.ravel(), expected.scale_)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(
     seed=st.integers(0, 999),
     by=st.sampled_from(["channel", "row", "pixel"]),
@@ -48,7 +48,7 @@ def test_inverse_transform_brings_images_back(seed, by, axes, dtype):
     np.testing.assert_allclose(back, images, rtol=0, atol=1e3 * np.finfo(dtype).eps * np.abs(images).max())
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(factor=st.floats(1e-3, 1e3), offset=st.floats(-100, 100))
 def test_the_unit_of_a_channel_does_not_matter(factor, offset):
     images = images_like(1, n=9)

@@ -60,7 +60,7 @@ def test_a_measured_error_is_filtered_as_well_as_a_linear_filter_can():
     np.testing.assert_allclose(shrink, best, rtol=0.05, atol=1e-3)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(factors=st.tuples(st.floats(1e-3, 1e3), st.floats(1e-3, 1e3)), given_noise=st.booleans())
 def test_the_units_of_the_channels_do_not_matter(factors, given_noise):
     errors, noise = errors_like(3), np.array([0.01, 0.2])

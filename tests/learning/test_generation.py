@@ -71,7 +71,7 @@ def test_a_parameter_without_effect_or_deviation_has_label_zero():
 
 
 @given(factor=st.floats(1e-3, 1e3), name=st.sampled_from(["omega", "zeta", "gain"]))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_labels_do_not_depend_on_the_unit_of_a_parameter(factor, name):
     plain = oscillator()
     p = plain.parameters[name]
@@ -90,7 +90,7 @@ def test_labels_do_not_depend_on_the_unit_of_a_parameter(factor, name):
 
 
 @given(n=st.integers(1, 30), batch_size=st.integers(1, 200))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_batches_change_nothing(n, batch_size):
     simulator = oscillator()
     assert_same(

@@ -109,7 +109,7 @@ def test_the_same_seed_gives_the_same_bits_and_leaves_the_callers_random_numbers
     assert not np.array_equal(other, expected)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(shape=st.lists(st.integers(1, 40), min_size=1, max_size=3), n=st.integers(2, 35))
 def test_any_size_of_image_and_any_number_of_samples_work(shape, n):
     rng = np.random.default_rng(0)
@@ -122,7 +122,7 @@ def test_any_size_of_image_and_any_number_of_samples_work(shape, n):
 
 
 @given(factor=st.floats(1e-6, 1e6))
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 def test_the_unit_of_the_labels_scales_the_prediction(factor):
     images, labels = blobs(6, n=40)
     model = CNNContributionRegressor(**TINY, random_state=0)

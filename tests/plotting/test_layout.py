@@ -48,7 +48,7 @@ def test_buses_that_the_spectrum_cannot_tell_apart_part(leaves):
     assert pdist(star).min() > 0.3
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(networks)
 def test_computed_layout_is_repeatable_and_keeps_buses_apart(network):
     points = bus_positions(network, None)

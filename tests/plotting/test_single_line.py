@@ -34,7 +34,7 @@ def test_a_port_alone_is_where_it_wants_to_be():
     assert bar.point("load", 0.5) == pytest.approx([-0.5, 0.1])
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(networks)
 def test_branches_leave_towards_their_other_ends(network):
     points = bus_positions(network, None)

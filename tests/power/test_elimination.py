@@ -105,7 +105,7 @@ def solved(network, v, grid, model):
     [tuple(DEVICES), ("dfig_plant", "pv_plant"), ("synchronous_machine",), ("pv_plant",), ()],
     ids=str,
 )
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=5)
 @given(st.integers(0, 2**32 - 1))
 def test_equals_the_complete_system(state, units, seed):
     network = STATES[state](ieee39_network())

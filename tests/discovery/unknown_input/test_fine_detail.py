@@ -75,7 +75,7 @@ def test_without_detail_evidence_is_that_of_the_fit(monkeypatch):
     assert not found.pulses.any()
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.integers(0, 2**32 - 1), st.floats(-6.0, 3.0))
 def test_a_covariance_is_that_of_white_heights(seed, exponent):
     rng = np.random.default_rng(seed)

@@ -287,7 +287,7 @@ def test_delay_shifts_and_holds_the_first_value():
 
 
 @given(st.floats(0.001, 1.5))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_delay_is_linear_between_steps(d):
     u = np.sin(TIME)
     event = InputSignal(TIME, "sine", 0.0, {"u": u})
@@ -721,7 +721,7 @@ def test_what_is_held_is_held_behind_lags_and_delays_too(step):
 
 
 @given(st.floats(0.9, 1.1))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_a_relay_counts_from_the_instant_and_not_from_the_step(theta):
     # the ramp reaches theta at theta seconds, between two steps
     ramp = InputSignal(TIME, "ramp", 0.0, {"u": TIME.copy()})

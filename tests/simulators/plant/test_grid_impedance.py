@@ -32,7 +32,7 @@ def still(event):
     return replace(event, signals={"V": event.signals["V"], "angle": 0.0 * event.time})
 
 
-@settings(deadline=None, max_examples=12)
+@settings(max_examples=12)
 @given(st.sampled_from(DEVICE_NAMES), st.floats(0, 0.15), st.floats(0.01, 0.3), st.integers(0, 100))
 def test_a_simulation_that_agrees_with_the_recording_sees_the_recorded_voltage(device, R, X, seed):
     event = dip(depth=0.25, dt=1 / 240)
