@@ -62,7 +62,7 @@ def test_what_fails_beside_the_search_ends_it(tmp_path, monkeypatch):
     """It is told at the next line of the search, and comes from another process."""
 
     def searched(study, store):
-        for _ in range(600):
+        for _ in range(6000):
             logging.getLogger("errorscreen.discovery").info("another line")
             time.sleep(0.1)
 
