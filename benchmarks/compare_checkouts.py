@@ -173,6 +173,8 @@ def work(task):
 
 def search(case, number):
     """Search one scenario of a study."""
+    import numpy as np
+
     from errorscreen.bench.discovery import CASES as DRAWN
     from errorscreen.bench.discovery import streams_of
     from errorscreen.discovery import CauseFinder
@@ -185,13 +187,16 @@ def search(case, number):
         finder = CauseFinder(hidden.simulator, random_state=int(of_search.generate_state(1)[0]))
         finder.fit(list(hidden.recordings))
     verdict, model = finder.verdict_.kind, finder.extended_simulator_
-    parameters = {name: told for cause in finder.causes_[:1] for name, told in cause.parameters.items()}
+    first = finder.causes_[0]
+    told = getattr(first, "values", None) or first.parameters  # the second in old checkouts
+    # a value at a bound has no interval in new ones, and one of no width in old ones
+    ends = {name: [v if np.isfinite(v) else row[0] for v in row[1:]] for name, row in dict(told).items()}
     return {
         "verdict": verdict,
         "names": sorted(e.name for e in finder.best_.effects) if verdict in NAMED else [],
         "probabilities": {cause.name: cause.probability for cause in finder.causes_},
         "theta": dict(zip(model.parameters.names, model.parameters.nominal.tolist(), strict=True)),
-        "intervals": {name: [float(x) for x in told[1:]] for name, told in parameters.items()},
+        "intervals": {name: list(map(float, row)) for name, row in ends.items()},
         "simulations": finder.n_simulations_,
     }
 
@@ -212,16 +217,22 @@ def command_line(checkout, report, command, name, data):
 
 
 def result_of(result):
-    """Result in a ``result.json``, of schema version 1 or later."""
-    verdict, found = result["verdict"], result.get("discovery") or {}
+    """Figures of a ``result.json`` of schema version 1 or 2."""
+    if result["schema_version"] == 1:
+        verdict, found = result["verdict"], result.get("discovery") or {}
+        causes, methods = verdict["causes"], result["calibration"]["methods"]
+    else:
+        found, methods = result["diagnosis"], result["calibration"]
+        verdict, causes = found["confirmed"] or found["verdict"], found["causes"]
     effects = found.get("extension", []) if verdict["kind"] in NAMED else []
     parameters = {p["name"]: p for p in found.get("parameters", [])}
-    for method in result["calibration"]["methods"]:
-        parameters |= {f"{method['label']}: {p['name']}": p for p in method["parameters"]}
+    for method in methods:
+        label = method.get("label") or f"{method['method']} on {method['selection']}"
+        parameters |= {f"{label}: {p['name']}": p for p in method["parameters"]}
     return {
         "verdict": verdict["kind"],
         "names": sorted(effect["name"] for effect in effects),
-        "probabilities": {cause["name"]: cause["probability"] for cause in verdict["causes"]},
+        "probabilities": {cause["name"]: cause["probability"] for cause in causes},
         "theta": {name: p["value"] for name, p in parameters.items()},
         "intervals": {name: [p["low"], p["high"]] for name, p in parameters.items()},
         "simulations": result["run"]["n_simulations"],
