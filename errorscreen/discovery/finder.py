@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from os import PathLike
 from time import perf_counter
@@ -19,29 +19,17 @@ from errorscreen._runtime.store import Store, digest, program
 from errorscreen._runtime.threads import one_blas_thread
 from errorscreen.calibration import MAPCalibrator
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.calibration.result import Calibration, Estimate
 from errorscreen.data.observations import Observation
-from errorscreen.discovery import conclusions
-from errorscreen.discovery.diagnosis import (
-    EXTENDED,
-    NOMINAL,
-    PARAMETERS,
-    Diagnosis,
-    HypothesisFit,
-    simulated,
-)
+from errorscreen.discovery.diagnosis import Diagnosis
+from errorscreen.discovery.findings import Findings
 from errorscreen.discovery.fits.candidates import candidates
 from errorscreen.discovery.fits.hypotheses import PRIOR, Hypothesis, parameters_only
-from errorscreen.discovery.judge.errors import ModelFit
-from errorscreen.discovery.judge.gain import Gain, measure_gain
+from errorscreen.discovery.judge.gain import Gain
 from errorscreen.discovery.judge.profiles import with_profiles
-from errorscreen.discovery.judge.ranking import Cause, NamedEffect, half_width, rank_causes
-from errorscreen.discovery.judge.residual_test import ResidualTest, residual_test
-from errorscreen.discovery.judge.separation import Group, differing, group_of
-from errorscreen.discovery.judge.verdict import Verdict, judge
+from errorscreen.discovery.judge.ranking import rank_causes
+from errorscreen.discovery.judge.residual_test import residual_test
 from errorscreen.discovery.search.journal import Journal
 from errorscreen.discovery.search.model_search import ModelSearch
-from errorscreen.discovery.unknown_input.locations import InputLocation, rank_input_locations
 from errorscreen.effects.base import Effect
 from errorscreen.events import Event
 from errorscreen.exceptions import InputError, check_integer, check_real
@@ -55,10 +43,6 @@ if TYPE_CHECKING:
 
 #: least significance: smaller probabilities cannot be told apart by the bootstrap of `residual_test`
 _LEAST = 0.001
-#: most cells of the error that a result holds
-_CELLS = 12
-#: verdicts that name something
-_NAMED = ("effect", "measurement")
 
 _Array = NDArray[np.float64]
 _log = logging.getLogger(__name__)
@@ -195,51 +179,64 @@ class CauseFinder(BaseEstimator):
         observations = as_observations(self.simulator, X)
         library = candidates(self.simulator, observations, self._names())
         self._seed = int(generator(self.random_state).integers(2**31))
-        self.input_locations_: list[InputLocation] = []
         _log.info("fit of all parameters")
         self.calibrator_ = self._calibrate(observations)
-        self.n_simulations_ = self.calibrator_.n_simulations_ + len(
-            observations
-        )  # those of the nominal model
-        self._journal = self._open_journal(observations, library)
+        nominal = tuple(self.simulator.baseline(o.event) for o in observations)
+        count = self.calibrator_.n_simulations_ + len(observations)
+        journal = self._open_journal(observations, library)
         problem = FitProblem(self.simulator, list(observations))
         best = min(self.calibrator_.starts_, key=lambda start: start["objective"])
         first = parameters_only(problem, self.calibrator_.theta_, best["state"])
-        found = ModelSearch(
+        search = ModelSearch(
             first,
             max_effects=self.max_effects,
             n_fits=self.n_fits,
             n_draws=self.n_draws,
             significance=self.significance,
             seed=self._seed,
-            journal=self._journal,
+            journal=journal,
         )
-        self.n_simulations_ += problem.n_simulations
-        self._nominal = tuple(self.simulator.baseline(o.event) for o in observations)
-        test = self._test(observations, self._nominal)
-        self._nothing_to_explain = test.p_value > self.significance
+        count += problem.n_simulations
+        z = [o.deviations(y)[o.mask] for o, y in zip(observations, nominal, strict=True)]
+        test = residual_test(observations, np.concatenate(z), random_state=self._seed)
+        nothing = test.p_value > self.significance
         self.tried_: tuple[str, ...] = ()
-        if self.max_effects and not self._nothing_to_explain:
+        if self.max_effects and not nothing:
             self.tried_ = tuple(effect.name for effect in library)
-            found.run(library)
-        elif not self._nothing_to_explain:
-            found.improve_base()
-        self._base = base = found.base
-        if base is not first:  # a better minimum, or a smaller step
-            self.calibrator_ = self._calibrate(base.observations, base)
-            self.n_simulations_ += self.calibrator_.n_simulations_
-        self.residual_tests_, self.scores_, self.signatures_ = (
-            found.residual_tests,
-            found.scores,
-            found.signatures,
+            search.run(library)
+        elif not nothing:
+            search.improve_base()
+        if search.base is not first:  # a better minimum, or a smaller step
+            self.calibrator_ = self._calibrate(search.base.observations, search.base)
+            count += self.calibrator_.n_simulations_
+        self.residual_tests_, self.scores_ = search.residual_tests, search.scores
+        self.signatures_ = search.signatures
+        ranked = sorted(search.hypotheses, key=lambda h: -search.scores[h.name])
+        causes = rank_causes(search)
+        self.causes_, self.hypotheses_, more = with_profiles(causes, ranked, search.measured, self._seed)
+        self._findings = found = Findings(
+            self.simulator,
+            list(observations),
+            self.calibrator_,
+            search,
+            nominal,
+            nothing,
+            self.causes_,
+            self.hypotheses_,
+            self.tried_,
+            self.effects is None,
+            self.events or (),
+            journal,
+            self._seed,
+            count + search.n_simulations + more,
         )
-        ranked = sorted(found.hypotheses, key=lambda h: -found.scores[h.name])
-        self.causes_, self.hypotheses_, count = with_profiles(
-            rank_causes(found), ranked, found.measured, self._seed
-        )
-        self.n_simulations_ += found.n_simulations + count
-        self._choose()
-        self.diagnosis_ = self._diagnosis(observations, perf_counter() - started)
+        diagnosis = found.diagnosis()
+        self.diagnosis_ = replace(diagnosis, seconds=perf_counter() - started)
+        self.verdict_, self.groups_ = diagnosis.verdict, list(diagnosis.groups)
+        self.input_locations_ = found.located[0] if diagnosis.input_locations else []
+        self.n_simulations_ = diagnosis.n_simulations
+        self.extended_simulator_, self.recalibrated_simulator_ = found.extended, found.recalibrated
+        self.placebo_ = found.placebo
         return self
 
     def confirm(self, held_out: Any) -> Diagnosis:
@@ -263,22 +260,7 @@ class CauseFinder(BaseEstimator):
             If one of the recordings was fitted.
         """
         check_is_fitted(self, "diagnosis_")
-        started = perf_counter()
-        others = self._others(held_out)
-        changes: dict[str, Any] = {"confirmed": self.verdict_}
-        if self.verdict_.kind in _NAMED:
-            changes = self._confirmed_effects(others)
-        elif self.verdict_.kind != "unknown":
-            verdict = self._judged(others)
-            changes = {"confirmed": verdict, **({"groups": ()} if verdict.kind == "unknown" else {})}
-        found = replace(self.diagnosis_, **changes)
-        models = {NOMINAL: self.simulator, PARAMETERS: self.recalibrated_simulator_}
-        if found.extension:
-            models[EXTENDED] = self.extended_simulator_
-        more = {
-            label: (*found.responses[label], *simulated(model, others)) for label, model in models.items()
-        }
-        return _with_models(found, (*found.observations, *others), more, perf_counter() - started)
+        return self._findings.confirmed(self.diagnosis_, self._others(held_out))
 
     def measure_gain(self, held_out: Any) -> Gain:
         """Gain of the extended simulator on recordings that were not fitted.
@@ -295,18 +277,8 @@ class CauseFinder(BaseEstimator):
         InputError
             If one of the recordings was fitted.
         """
-        check_is_fitted(self, "extended_simulator_")
-        extended, placebo = self.extended_simulator_, None
-        if self.placebo_ is not None:
-            placebo = self.placebo_.simulator.with_step_of(extended).with_nominal(self.placebo_.theta)
-        return measure_gain(
-            self.simulator.with_step_of(extended),
-            extended,
-            self._others(held_out),
-            recalibrated=self.recalibrated_simulator_,
-            placebo=placebo,
-            random_state=self._seed,
-        )
+        check_is_fitted(self, "diagnosis_")
+        return self._findings.gain(self._others(held_out))
 
     def predict(self, event: Any = None) -> _Array:
         """Response (R, L) of the extended simulator to an event, or to that of a recording."""
@@ -340,8 +312,8 @@ class CauseFinder(BaseEstimator):
     @property
     def best_(self) -> Hypothesis:
         """The hypothesis that the verdict is about: the most probable one, or the parameters alone."""
-        check_is_fitted(self, "extended_simulator_")
-        return self._chosen
+        check_is_fitted(self, "diagnosis_")
+        return self._findings.chosen
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()
@@ -413,175 +385,15 @@ class CauseFinder(BaseEstimator):
             random_state=self._seed,
         ).fit(list(observations))
 
-    def _test(self, observations: Sequence[Observation], responses: Sequence[_Array]) -> ResidualTest:
-        """Test of the errors of given responses."""
-        z = [o.deviations(y)[o.mask] for o, y in zip(observations, responses, strict=True)]
-        return residual_test(observations, np.concatenate(z), random_state=self._seed)
-
-    def _choose(self) -> None:
-        """Verdict, groups and the extended simulator."""
-        by_name, first = {h.name: h for h in self.hypotheses_}, self.causes_[0]
-        self._chosen = by_name.get(first.name, self._base)
-        self.groups_: list[Group] = []
-        least = conclusions.ALIKE * first.probability
-        alike = [by_name[c.name] for c in self.causes_ if c.name in by_name and c.probability >= least]
-        if first.kind != "unknown" and len(alike) > 1:
-            self.groups_ = [group_of(alike, self.events or ())]
-        fair = self.simulator.with_step_of(self._chosen.simulator)
-        self.recalibrated_simulator_ = fair.with_nominal(self._base.theta)
-        self.placebo_ = conclusions.placebo(self.hypotheses_, self._chosen, self.causes_)
-        self.extended_simulator_ = self._chosen.simulator.with_nominal(self._chosen.theta)
-        self.verdict_ = self._verdict()
-
-    def _verdict(self) -> Verdict:
-        first = self.causes_[0]
-        if self._nothing_to_explain or first.kind == "parameters":
-            return self._judged()
-        if first.kind == "unknown":
-            text = conclusions.unknown_text(
-                self.tried_, self.effects is None, self._base, self.hypotheses_[0]
-            )
-            if (
-                not self._base.at_rest
-            ):  # other parameters may fit better, so nobody can tell where the rest enters
-                return Verdict("unknown", text)
-            self.input_locations_, self.groups_, count = self._located()
-            self.n_simulations_ += count
-            return Verdict("unknown", f"{text} {self._location_text(self.input_locations_)}")
-        alone = (
-            ""
-            if first.event
-            else " No recording was held out, so the gain is not confirmed on another event."
-        )
-        return Verdict(first.kind, self._named_text() + alone)
-
-    def _named_text(self) -> str:
-        return conclusions.named_text(self.causes_[0], self._chosen, self._base, self._alike)
-
-    @property
-    def _alike(self) -> tuple[str, ...]:
-        """Explanations that the recordings cannot tell from the first one."""
-        return self.groups_[0].names[1:] if self.groups_ else ()
-
-    def _judged(self, held_out: Sequence[Observation] = ()) -> Verdict:
-        """Verdict where no effect is needed."""
-        passes = self._nothing_to_explain, True
-        verdict = judge(self._base.observations, self._nominal, self.calibrator_, held_out, passes=passes)
-        if verdict.kind != "parameters":
-            return verdict
-        left = conclusions.conspicuous_text(self.residual_tests_[self._base.name], self.significance)
-        return replace(verdict, text=verdict.text + left + conclusions.alike_text(self._alike))
-
-    def _confirmed_effects(self, others: Sequence[Observation]) -> dict[str, Any]:
-        """Changes of the diagnosis from the gain of the named effects on held-out recordings."""
-        first, gain = self.causes_[0], self.measure_gain(others)
-        # an effect of one recording alone gains nothing on others: only a loss speaks against it
-        if gain.interval[1] >= 0 if first.event else gain.holds:
-            text = self._named_text() + conclusions.placebo_text(gain)
-            return {"gain": gain, "confirmed": Verdict(self.verdict_.kind, text)}
-        locations, groups, count = self._located()
-        text = f"{conclusions.withdrawn_text(first, gain)} {self._location_text(locations)}"
-        return {
-            "gain": gain,
-            "confirmed": Verdict("unknown", text),
-            "causes": tuple(conclusions.withdrawn(self.causes_)),
-            "groups": tuple(groups),
-            "input_locations": tuple(one.thinned() for one in locations),
-            "extension": (),
-            "parameters": tuple(self._estimates(self._base, None)),
-            "step": _step(self.recalibrated_simulator_),
-            "extended": self.recalibrated_simulator_,
-            "n_simulations": self.diagnosis_.n_simulations + count,
-        }
-
     def _others(self, held_out: Any) -> list[Observation]:
         """Recordings as observations, if none of them was fitted."""
         others = as_observations(self.simulator, held_out)
         for other in others:
-            if any(np.array_equal(other.values, o.values, equal_nan=True) for o in self._base.observations):
+            if any(
+                np.array_equal(other.values, o.values, equal_nan=True) for o in self._findings.observations
+            ):
                 raise InputError(
                     f"the recording {other.event.name!r} is held out and was fitted: it confirms nothing",
                     allowed="recordings that were not fitted",
                 )
         return others
-
-    @one_blas_thread
-    def _located(self) -> tuple[list[InputLocation], list[Group], int]:
-        """Where an unknown input enters, locations that cannot be told apart, and the simulations that it took."""
-        locations, count = rank_input_locations(self._base, self._journal)
-        alike = conclusions.alike_locations(locations)
-        if len(alike) < 2:
-            return locations, [], count
-        states = differing([one.states for one in alike])
-        return locations, [Group(tuple(one.name for one in alike), (), states)], count
-
-    def _location_text(self, locations: Sequence[InputLocation]) -> str:
-        return conclusions.location_text(locations, self.simulator)
-
-    def _diagnosis(self, observations: Sequence[Observation], seconds: float) -> Diagnosis:
-        """The verdict of the fit with all that it rests on."""
-        base, best = self._base, self._chosen
-        named = self.verdict_.kind in _NAMED
-        test, score = self.residual_tests_[base.name], self.scores_[base.name]
-        found = Diagnosis(
-            verdict=self.verdict_,
-            causes=tuple(self.causes_),
-            groups=tuple(self.groups_),
-            input_locations=tuple(one.thinned() for one in self.input_locations_),
-            cells=test.significant[:_CELLS],
-            tried=self.tried_,
-            hypotheses=tuple(
-                HypothesisFit(
-                    h.name,
-                    h.chi2_per_sample,
-                    self.residual_tests_[h.name].p_value,
-                    self.scores_[h.name] - score,
-                )
-                for h in self.hypotheses_
-            ),
-            extension=tuple(NamedEffect.of(effect) for effect in best.effects) if named else (),
-            parameters=tuple(
-                self._estimates(best, next((c for c in self.causes_ if c.name == best.name), None))
-            ),
-            calibration=Calibration.of(self.calibrator_, "map"),
-            models=(),
-            step=_step(self.extended_simulator_),
-            n_simulations=self.n_simulations_,
-            seconds=0.0,
-            calibrated=self.recalibrated_simulator_,
-            extended=self.extended_simulator_,
-        )
-        responses = {
-            NOMINAL: self._nominal,
-            PARAMETERS: simulated(self.recalibrated_simulator_, observations),
-        }
-        if found.extension:
-            responses[EXTENDED] = simulated(self.extended_simulator_, observations)
-        return _with_models(found, tuple(observations), responses, seconds)
-
-    def _estimates(self, hypothesis: Hypothesis, cause: Cause | None) -> Iterator[Estimate]:
-        """All parameters of a fitted model: those of the cause as profiled, all others by the linear model."""
-        width = half_width(hypothesis, exact=cause is not None and cause.exact)
-        half = dict(zip(hypothesis.names, width * np.sqrt(np.diag(hypothesis.covariance)), strict=True))
-        profiled = {p.name: p for p in cause.parameters} if cause is not None else {}
-        for p, value in zip(hypothesis.simulator.parameters, hypothesis.theta.tolist(), strict=True):
-            margin = float(half[p.name]) * float(p.scale or 1.0)
-            linear = Estimate.of(p, value, max(p.lower, value - margin), min(p.upper, value + margin))
-            yield profiled.get(p.name, linear)
-
-
-def _step(simulator: Simulator) -> float:
-    return float(getattr(simulator, "step", np.nan))
-
-
-def _with_models(
-    found: Diagnosis,
-    observations: tuple[Observation, ...],
-    responses: dict[str, tuple[_Array, ...]],
-    seconds: float,
-) -> Diagnosis:
-    """The same with the errors of its models."""
-    models = tuple(ModelFit.of(label, observations, every) for label, every in responses.items())
-    return replace(
-        found, models=models, observations=observations, responses=responses, seconds=found.seconds + seconds
-    )

@@ -202,7 +202,7 @@ def test_without_effects_only_parameters_are_judged():
     assert [h.name for h in finder.hypotheses_] == ["parameters"]
     assert finder.verdict_.kind == "parameters"
     assert "cannot tell" not in finder.verdict_.text
-    finder.groups_ = [Group(("parameters", "twin"))]
+    finder.diagnosis_ = replace(finder.diagnosis_, groups=(Group(("parameters", "twin")),))
     confirmed = finder.confirm(list(hidden.held_out))
     assert confirmed.gain is None
     assert confirmed.final.kind == "parameters"
