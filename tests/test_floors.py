@@ -1,6 +1,7 @@
-"""Imports only go down (the house plan's floors), and heavy libraries are imported where they are used."""
+"""Imports only go down (docs/how_it_works/house.md), and heavy libraries are imported where they are used."""
 
 import ast
+import re
 import subprocess
 import sys
 from graphlib import TopologicalSorter
@@ -20,8 +21,9 @@ FLOORS = [
     {"simulators"},
     {"features", "plotting", "calibration"},
     {"learning"},
-    {"screening", "cases"},
-    {"testing", "discovery"},
+    {"screening"},
+    {"testing", "cases"},
+    {"discovery"},
     {"report"},
     {"workflow", "bench"},
     {"cli", "api"},
@@ -66,6 +68,18 @@ def test_imports_only_go_down(path):
     here = floor(module_name(path))
     for name in own(path) - {"errorscreen.__version__"}:
         assert floor(name) <= here, f"{path.name} {here} imports {name} {floor(name)}"
+
+
+def test_the_page_on_the_house_tells_these_floors():
+    page = (ROOT.parent / "docs" / "how_it_works" / "house.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (\d+) \| ([^|]+) \|", page.partition("## The way")[0], re.MULTILINE)
+    told = [(name, int(floor)) for floor, names in rows for name in re.findall(r"`([\w/]+)(?:\.py)?`", names)]
+    rooms = {name.strip("/"): floor for name, floor in told if name.count("/") < 2}
+    assert rooms == {
+        room: n for n, rooms in enumerate(FLOORS, start=1) for room in rooms if room != "__main__"
+    }
+    inner = [name.split("/")[1] for name, _ in told if name.count("/") == 2]
+    assert inner == DISCOVERY[::-1]
 
 
 def test_no_modules_import_each_other():

@@ -16,7 +16,6 @@ from errorscreen.cases import ieee39_events, load_ieee39
 from errorscreen.data.observations import Observation
 from errorscreen.effects import Effect
 from errorscreen.events import GridEvent
-from errorscreen.models import DEVICES
 from errorscreen.simulators import PowerSystemSimulator, Simulator
 
 _Array = NDArray[np.float64]
@@ -64,7 +63,7 @@ def _draw_effects(
     kind: str, device: str | None, rng: np.random.Generator
 ) -> tuple[tuple[Effect, ...], tuple[str, ...]]:
     """Draw hidden effects and the names that are right."""
-    device = device or str(rng.choice(list(DEVICES)))
+    device = device or str(rng.choice(list(OTHER_FORMS)))
     mechanisms = [e for e in _model().effects if e.kind == "mechanism"]
     of_device = [e for e in mechanisms if e.device == device]
     if kind == "other form":
@@ -92,7 +91,7 @@ def _model() -> PowerSystemSimulator:
 @cache
 def _truth() -> PowerSystemSimulator:
     """Simulator of hidden truths, with all effects of the library and of `hidden_effects`."""
-    own = [e.at(d) for d in DEVICES for e in (*(e for e, _ in OTHER_FORMS[d]), *OUTSIDE[d])]
+    own = [e.at(d) for d in OTHER_FORMS for e in (*(e for e, _ in OTHER_FORMS[d]), *OUTSIDE[d])]
     library = [e for e in _model().effects if e.kind != "latent"]
     return load_ieee39(step=TRUE_STEP, n_threads=1, effects=(*library, *own))
 

@@ -87,7 +87,7 @@ def draw_plant_scenario(
     rms.
     """
     rng = np.random.default_rng(seed)
-    drawn_kind, drawn_device = draw_kind(rng), str(rng.choice(list(DEVICES)))
+    drawn_kind, drawn_device = draw_kind(rng), str(rng.choice(list(OTHER_FORMS)))
     kind, device = kind or drawn_kind, device or drawn_device
     space = DEVICES[device].candidates
     theta = space.nominal * rng.uniform(0.75, 1.25, len(space))

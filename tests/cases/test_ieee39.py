@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from errorscreen.cases import ieee39_events, load_ieee39
+from errorscreen.cases.ieee39 import PLANTS
 from errorscreen.cases.ieee39_data import MACHINES, ieee39_network
 from errorscreen.engine import Engine
 from errorscreen.events import BusFault, GridEvent
@@ -47,7 +48,9 @@ def test_contract():
 
 
 def test_parameters_are_those_of_the_three_devices():
-    assert sorted(SYSTEM.parameters.names) == sorted(n for d in DEVICES.values() for n in d.candidates.names)
+    assert sorted(SYSTEM.parameters.names) == sorted(
+        n for _, d, *_ in PLANTS for n in DEVICES[d].candidates.names
+    )
     assert np.allclose(SYSTEM.parameters.bounds, SYSTEM.parameters.nominal[:, None] * [0.7, 1.3])
 
 
