@@ -13,7 +13,7 @@ import numpy as np
 
 from errorscreen.calibration import CALIBRATORS, BaseCalibrator
 from errorscreen.data.frames import Specs, from_frame
-from errorscreen.data.headers import guess_columns, guess_time
+from errorscreen.data.headers import guess_columns, guess_time, time_unit_of
 from errorscreen.data.readers import READERS, recognised
 from errorscreen.data.readers.csv import read_table
 from errorscreen.data.recordings import Recording
@@ -99,11 +99,25 @@ def read(
         notes = [f"Columns were taken by their names: {taken}."]
     if time is None:
         time, unit = guess_time(headers)
-        time_unit = time_unit or unit
+        if time is None and not isinstance(source, str | os.PathLike) and not _is_time(frame.index):
+            raise InputError(
+                f"no column is the time beyond doubt; the columns are {', '.join(map(repr, headers))}",
+                where="read",
+                allowed="one column such as 'time', 't [s]' or 'time [ms]', or an index of instants",
+                remedy="Give time, the header of the time stamps, and time_unit",
+            )
+    else:
+        unit = time_unit_of(time)
+    time_unit = time_unit or unit
     if time is not None:
         options["time"] = time
     recording = reader(columns, base_mva=base_mva, f_nominal=f_nominal, time_unit=time_unit or "s", **options)
     return replace(recording, assumptions=(*notes, *recording.assumptions))
+
+
+def _is_time(index: pd.Index[Any]) -> bool:
+    """Whether an index holds instants; row numbers are none."""
+    return index.dtype.kind in "fmM"
 
 
 def _frame(source: Any) -> pd.DataFrame:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Mapping
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
@@ -12,6 +13,7 @@ from errorscreen.exceptions import InputError, unknown_name
 #: groups of entry points, behind ``errorscreen.``
 _ROOMS = ("devices", "effects", "readers", "screeners", "calibrators")
 T = TypeVar("T")
+_log = logging.getLogger(__name__)
 
 
 class Registry(Mapping[str, T], Generic[T]):
@@ -53,7 +55,7 @@ class Registry(Mapping[str, T], Generic[T]):
             self.register(name, item)
 
     def register(self, name: str, item: T) -> None:
-        """Add an object under a name of its own.
+        """Add an object under a name of its own, in this process only.
 
         Raises
         ------
@@ -61,7 +63,7 @@ class Registry(Mapping[str, T], Generic[T]):
             If the name is taken or the object is of another class.
         """
         where = f"{self.kind} {name!r}"
-        if name in self._items:
+        if name in self._items or name in (self._others or ()):
             raise InputError(
                 "the name is taken", where=where, allowed=f"a name of its own for each {self.kind}"
             )
@@ -86,6 +88,14 @@ class Registry(Mapping[str, T], Generic[T]):
         if name not in self:
             raise unknown_name(name, self, kind=self.kind, where=where)
         return self._load(self._entry_points()[name])
+
+    def usable(self, name: str) -> T | None:
+        """Return the object of a name; None, and a line in the log, if its entry point does not load."""
+        try:
+            return self.find(name)
+        except InputError as error:
+            _log.warning("%s", error)
+            return None
 
     def __getitem__(self, name: str) -> T:
         return self.find(name)

@@ -30,6 +30,12 @@ _WITH_UNIT = re.compile(
 )
 
 
+def time_unit_of(header: str) -> str | None:
+    """Unit that the header of time stamps states; None without one."""
+    unit = _read_header(header)[1]
+    return unit if unit in TIME_UNITS else None
+
+
 def guess_time(headers: Iterable[str]) -> tuple[str | None, str | None]:
     """Header of the time stamps and the unit that it states; None where no header, or more than one, names them."""
     found = [(header, unit) for header in headers for role, unit in [_read_header(header)] if role == "time"]

@@ -90,7 +90,8 @@ def effects_of(device: str) -> tuple[Effect, ...]:
     >>> [effect.name for effect in effects_of("load")][:3]
     ['static_active', 'static_reactive', 'frequency_dependence']
     """
-    found = tuple(effect for effect in EFFECTS.values() if device in effect.devices)
+    known = (EFFECTS.usable(name) for name in EFFECTS)
+    found = tuple(effect for effect in known if effect is not None and device in effect.devices)
     for name, count in Counter(effect.name for effect in found).items():
         if count > 1:
             raise InputError(

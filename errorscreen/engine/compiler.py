@@ -98,7 +98,7 @@ class _Helper:
             print(path, file=process.stdin, flush=True)
             if not process.stdout.readline():
                 self.end()
-        except OSError:
+        except Exception:
             self.end()
         except BaseException:  # interrupted: the answer would be taken for that to the next module
             self.end()
@@ -108,7 +108,7 @@ class _Helper:
         self._size = 0
         folders = os.pathsep.join(folder or os.getcwd() for folder in sys.path)
         return subprocess.Popen(
-            [sys.executable, "-c", f"from {__name__} import serve; serve()"],
+            [sys.executable, "-P", "-c", f"from {__name__} import serve; serve()"],
             env={**os.environ, "PYTHONPATH": folders},
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,

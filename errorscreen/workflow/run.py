@@ -29,6 +29,7 @@ from errorscreen.calibration.result import Calibration
 from errorscreen.data.observations import Observation
 from errorscreen.discovery import CauseFinder, Contribution, Diagnosis, FirstLook, ModelFit
 from errorscreen.discovery.diagnosis import NOMINAL, simulated
+from errorscreen.discovery.search_step import search_simulator
 from errorscreen.events import Playback
 from errorscreen.exceptions import InputError, SimulationError
 from errorscreen.learning.generation import local_sensitivity
@@ -42,7 +43,6 @@ from errorscreen.workflow.advice import advice, doubts
 from errorscreen.workflow.calibrate import calibrate, calibrate_map
 from errorscreen.workflow.outcome import Outcome
 from errorscreen.workflow.screen import screen
-from errorscreen.workflow.search_step import search_simulator
 from errorscreen.workflow.study import Study
 
 #: libraries whose versions decide the result
@@ -240,7 +240,7 @@ def _first_look(study: Study, store: Store) -> tuple[Contribution, ...]:
     def look() -> tuple[Contribution, ...]:
         return (
             FirstLook(
-                search_simulator(study.simulator, section, study.observations),
+                search_simulator(study.simulator, section.step, study.observations),
                 section.effects,
                 n_samples=section.first_look,
                 random_state=study.run.random_state,
@@ -261,7 +261,7 @@ def _diagnosed(study: Study, store: Store) -> Diagnosis:
     search = store.under(study.fingerprint("diagnosis", study.together)).folder / "search"
     simulator = study.simulator
     if section.enabled:  # a search refines the step where it matters, a fit alone does not
-        simulator = search_simulator(simulator, section, study.observations)
+        simulator = search_simulator(simulator, section.step, study.observations)
     finder = CauseFinder(
         simulator,
         section.effects,

@@ -13,12 +13,12 @@ from errorscreen.cases.case_models import CalibrationSection, DiscoverySection, 
 from errorscreen.data.observations import Observation
 from errorscreen.data.recordings import Recording
 from errorscreen.data.resampling import check_steps
+from errorscreen.discovery.search_step import search_simulator
 from errorscreen.exceptions import InputError
 from errorscreen.report.result import Role
 from errorscreen.simulators import PlantSimulator
 from errorscreen.simulators.base import Simulator
 from errorscreen.workflow.grid_recordings import observed_grid
-from errorscreen.workflow.search_step import search_simulator
 
 Stage = Literal["screening", "calibration", "diagnosis"]
 
@@ -161,7 +161,7 @@ class Study:
         )
         _check_distinct(study)
         if study.discovery.step is not None:  # told now, not after all that comes before the search
-            search_simulator(simulator, study.discovery, study.observations)
+            search_simulator(simulator, study.discovery.step, study.observations)
         return study
 
     def fingerprint(self, stage: Stage, *more: Any) -> str:

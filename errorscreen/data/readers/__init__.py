@@ -52,7 +52,7 @@ def recognised(path: Path) -> str:
         with path.open("rb") as file:
             head = file.read(_HEAD)
     for name in reversed(list(READERS)):
-        if READERS[name].recognises(head):
+        if (reader := READERS.usable(name)) is not None and reader.recognises(head):
             return name
     raise InputError(
         "the format is not recognised",

@@ -1,22 +1,21 @@
-"""Integration step of the search for causes: longer than that of what is told of the model itself."""
+"""Integration step of the search for causes, longer than that of the reported simulations."""
 
 from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
 
-from errorscreen.cases.case_models import DiscoverySection
 from errorscreen.data.observations import Observation
 from errorscreen.exceptions import InputError
 from errorscreen.simulators import PowerSystemSimulator
 from errorscreen.simulators.base import Simulator
 
-#: a grid is searched with twice its step, up to this one in s: how often causes are found is known for this one
+#: a grid is searched with twice its step, up to this one in s, for which the rates of found causes are known
 GRID_STEP = 0.005
 
 
 def search_simulator(
-    simulator: Simulator, section: DiscoverySection, observations: Sequence[Observation]
+    simulator: Simulator, step: float | None, observations: Sequence[Observation]
 ) -> Simulator:
     """Return the simulator with the step of the search.
 
@@ -26,32 +25,31 @@ def search_simulator(
     Parameters
     ----------
     simulator : Simulator
-    section : DiscoverySection
-        Its step; where it has none, a grid has twice the simulator's, up to 5 ms, unless something happens between two
-        of these steps.
+    step : float or None
+        In s. Where not given, a grid takes twice the simulator's, up to 5 ms, unless its event lies between two steps.
     observations : sequence of Observation
         All that will be simulated.
 
     Raises
     ------
     InputError
-        If the section has a step but the simulator has none, or something happens in the grid between two of them.
+        If a step is given but the simulator has none, or an event of the grid lies between two of them.
 
     Examples
     --------
     >>> from errorscreen.cases import load_ieee39
     >>> grid = load_ieee39()
-    >>> grid.step, search_simulator(grid, DiscoverySection(), []).step
+    >>> grid.step, search_simulator(grid, None, []).step
     (0.0025, 0.005)
     """
     own: float | None = getattr(simulator, "step", None)
-    if section.step is not None:
+    if step is not None:
         if own is None:
             raise InputError(
                 "the simulator has no step", where="discovery.step", remedy="Leave discovery.step out"
             )
         try:
-            return _simulating(simulator.with_step(section.step), observations)
+            return _simulating(simulator.with_step(step), observations)
         except InputError as error:
             where = f"{error.where}, discovery.step"
             raise InputError(error.what, where=where, allowed=error.allowed, remedy=error.remedy) from error
