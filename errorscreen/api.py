@@ -89,6 +89,10 @@ def read(
         layout = {name: options[name] for name in _LAYOUT if name in options}
         headers = list(read_table(Path(source), **layout).columns) if form == "csv" else []
     else:
+        if format is not None:
+            raise InputError(
+                f"format is {format!r} but the source is no file", where="read", remedy="Leave format out"
+            )
         frame = _frame(source)
         headers, where = [str(column) for column in frame.columns], "table"
         reader = partial(from_frame, frame)

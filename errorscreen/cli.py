@@ -352,7 +352,8 @@ def _study(prepare: Callable[[], Any], out: Path, options: argparse.Namespace) -
 def _failed(result: Any) -> str:
     """How many simulations failed, and what to do about it; empty if none did."""
     stages = {f"screening by {s.method}": s.n_failed for s in result.screening}
-    stages |= {f"calibration by {c.label}": c.n_failed for c in result.calibration}
+    base = result.diagnosis.calibration
+    stages |= {f"calibration by {c.label}": c.n_failed for c in (*result.calibration, base)}
     counts = ", ".join(f"{count} in {stage}" for stage, count in stages.items() if count)
     if not counts:
         return ""

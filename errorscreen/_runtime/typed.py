@@ -31,6 +31,10 @@ def _number(value: Any) -> Any:
 _NUMBER = {"anyOf": [{"type": "number"}, {"type": "null"}]}
 #: float, NaN and infinite numbers are null in JSON
 Real = Annotated[float, BeforeValidator(_number), WithJsonSchema(_NUMBER)]
+#: the same, but null is read as infinite
+Limit = Annotated[
+    float, BeforeValidator(lambda value: math.inf if value is None else value), WithJsonSchema(_NUMBER)
+]
 #: one-dimensional array of floats
 Series = Annotated[
     NDArray[np.float64],

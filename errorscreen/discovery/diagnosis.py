@@ -21,6 +21,7 @@ from errorscreen.discovery.judge.residual_test import Cell
 from errorscreen.discovery.judge.separation import Group
 from errorscreen.discovery.judge.verdict import Verdict
 from errorscreen.discovery.unknown_input.locations import InputLocation
+from errorscreen.exceptions import InputError
 from errorscreen.simulators.base import Simulator
 
 if TYPE_CHECKING:
@@ -81,8 +82,8 @@ class Diagnosis:
         Fit of all parameters without effects.
     models : tuple of ModelFit
         Errors of the nominal model, of the one with calibrated parameters and, if effects were named, of the extended.
-    step : float
-        Longest integration step of the extended model in s; NaN if it has none.
+    step, base_step : float
+        Longest integration step in s of the extended model, and of the fit without effects; NaN if it has none.
     n_simulations : int
     seconds : float
     confirmed : Verdict or None
@@ -109,6 +110,7 @@ class Diagnosis:
     calibration: Calibration
     models: tuple[ModelFit, ...]
     step: Real
+    base_step: Real
     n_simulations: int
     seconds: Real
     confirmed: Verdict | None = None
@@ -164,9 +166,20 @@ class Diagnosis:
         ----------
         recording : int
             Number of the recording in `observations`.
+
+        Raises
+        ------
+        InputError
+            If the diagnosis was read from a file, which holds no recordings.
         """
         from errorscreen.plotting import plot_responses
 
+        if not self.observations:
+            raise InputError(
+                "recordings and responses are not in a result that was read from a file",
+                where="Diagnosis.plot",
+                remedy="Open report.html, or call diagnose again",
+            )
         responses = {label: every[recording] for label, every in self.responses.items()}
         return plot_responses(self.observations[recording], responses)
 

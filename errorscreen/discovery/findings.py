@@ -162,6 +162,7 @@ class Findings:
             calibration=Calibration.of(self.calibrator, "map"),
             models=(),
             step=_step(self.extended),
+            base_step=_step(self.calibrator.simulator),
             n_simulations=self.n_simulations + count,
             seconds=0.0,
             calibrated=self.recalibrated,

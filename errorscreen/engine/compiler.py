@@ -30,6 +30,8 @@ ARGUMENTS = (
     uint64, int64, int64, _MATRIX, _MATRIX, _MATRIX, _MATRIX, int64[:, ::1], float64, int64, int64[:, ::1],
     int64[::1], int64[::1], int64[::1], float64[:, :, ::1],
 )  # fmt: skip
+#: other programs may hold the interpreter, and would be started once more
+_IS_PYTHON = "python" in Path(sys.executable or "").name.lower()
 #: one thread at a time writes, compiles and imports a module
 LOADING = Lock()
 
@@ -51,7 +53,7 @@ def compiled(path: Path) -> ModuleType:
     with _one_process(path):
         size = path.stat().st_size
         if not _is_stored(path):
-            if _HELPER.compiled_here + size > _HERE:
+            if _HELPER.compiled_here + size > _HERE and _IS_PYTHON:
                 _HELPER.compile(path, size)
             else:
                 _HELPER.compiled_here += size

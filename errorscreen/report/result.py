@@ -213,9 +213,11 @@ class Result:
         }
         names = dict.fromkeys(effect.original for effect in self.diagnosis.extension)
         if names:
-            told = ", and ".join(f"{name}, which has {ranks[name]} here" for name in names)
+            told = ", and ".join(f"{name}, which has {ranks.get(name, 'no rank')} here" for name in names)
             return f"The search names {told}."
-        first = next(c.name for c in self.first_look if c.kind == "effect")
+        first = next((c.name for c in self.first_look if c.kind == "effect"), "")
+        if not first:
+            return "The search names no effect."
         return f"The search names no effect; the first one here, {first}, has {ranks[first]}."
 
     def summary(self) -> str:

@@ -34,13 +34,18 @@ def upgraded(old: _Json) -> _Json:
             "tried": found.get("tried", []),
             "hypotheses": found.get("hypotheses", []),
             "extension": [
-                {"name": e["name"], "original": e["name"], "recording": e.get("recording", "")}
+                {
+                    "name": e["name"],
+                    "original": e["name"].partition("@")[0],
+                    "recording": e.get("recording", ""),
+                }
                 for e in found.get("extension", [])
             ],
             "parameters": [_estimate(p) for p in found.get("parameters", [])],
             "calibration": base or {"method": "map", "selection": "all", "parameters": []},
             "models": [nominal, *searched],
             "step": found.get("step"),
+            "base_step": old["run"].get("step"),
             "n_simulations": found.get("n_simulations", 0),
             "seconds": found.get("seconds"),
             "gain": old.get("gain"),
@@ -91,7 +96,7 @@ def _cause(cause: _Json) -> _Json:
     }
     effect = {
         "name": cause["name"],
-        "original": cause["name"],
+        "original": cause["name"].partition("@")[0],
         "place": cause["place"],
         **words,
         "confused_with": cause.get("confused_with", []),

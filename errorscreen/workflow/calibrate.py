@@ -9,7 +9,6 @@ from errorscreen.calibration import CALIBRATORS, MAPCalibrator
 from errorscreen.calibration.result import Calibration
 from errorscreen.cases.case_models import CalibrationSection, RunSection
 from errorscreen.data.observations import Observation
-from errorscreen.discovery.fits.hypotheses import PRIOR
 from errorscreen.simulators.base import Simulator
 
 
@@ -20,9 +19,7 @@ def calibrate_map(
     section: CalibrationSection,
     run: RunSection,
 ) -> Calibration:
-    """Fit of all parameters: that of the diagnosis, led on from there if the case file asks for another prior."""
-    if section.prior_scale == PRIOR:
-        return base
+    """Fit of all parameters that begins where that of the diagnosis ended, with step and prior of the case file."""
     start = perf_counter()
     calibrator = MAPCalibrator(
         simulator,

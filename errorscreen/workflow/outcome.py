@@ -2,13 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import platform
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from importlib.metadata import PackageNotFoundError, version
+from itertools import zip_longest
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+import errorscreen
+from errorscreen.calibration.result import Calibration
+from errorscreen.data.observations import Observation
+from errorscreen.discovery import Contribution, Diagnosis, ModelFit
+from errorscreen.learning.generation import local_sensitivity
+from errorscreen.metrics import top_k_overlap
 from errorscreen.report import Result
+from errorscreen.report.result import ChannelInfo, RecordingInfo, Role, Run, Screening, StudyInfo
+from errorscreen.workflow.advice import advice, doubts
 from errorscreen.workflow.study import Study
+
+#: libraries whose versions decide the result
+_PACKAGES = ("numpy", "scipy", "scikit-learn", "numba", "PyWavelets", "torch")
 
 
 @dataclass(frozen=True)
@@ -26,3 +42,108 @@ class Outcome:
     study: Study
     result: Result
     responses: dict[str, tuple[NDArray[np.float64], ...]]
+
+
+def run_info(study: Study, **counts: Any) -> Run:
+    """How a result was computed: versions and settings, with counts and seconds as given."""
+    return Run(
+        version=errorscreen.__version__,
+        python=platform.python_version(),
+        packages=_versions(),
+        random_state=study.run.random_state,
+        n_jobs=study.run.n_jobs,
+        step=float(getattr(study.simulator, "step", np.nan)),
+        **counts,
+    )
+
+
+def result_of(
+    study: Study,
+    diagnosis: Diagnosis,
+    screened: Sequence[Screening],
+    calibrations: Sequence[Calibration],
+    responses: Mapping[str, Sequence[NDArray[np.float64]]],
+    first_look: tuple[Contribution, ...],
+    run: Run,
+) -> Result:
+    """Result of a study, with true values where those are known."""
+    device, hints = getattr(study.simulator, "device", None), doubts(study.observations)
+    contributions = _true_contributions(study)
+    return Result(
+        StudyInfo(
+            study.title,
+            device.name if device else type(study.simulator).__name__,
+            device.title if device else repr(study.simulator),
+            study.base_mva,
+            study.f_nominal,
+            len(study.simulator.parameters),
+        ),
+        tuple(_recording(*one) for one in zip_longest(study.observations, study.roles, study.paths)),
+        diagnosis,
+        tuple(_overlapping(one, contributions) for one in screened),
+        contributions,
+        tuple(_with_truth(one, study) for one in calibrations),
+        tuple(ModelFit.of(label, study.observations, every) for label, every in responses.items()),
+        first_look,
+        tuple(hints),
+        tuple(advice(diagnosis, study, hints)),
+        run,
+    )
+
+
+def _true_contributions(study: Study) -> dict[str, float] | None:
+    """Contributions (14) at the true parameters, where those are known."""
+    if study.truth is None:
+        return None
+    simulator = study.simulator
+    theta = np.array([study.truth[name] for name in simulator.parameters.names])
+    sensitivity = local_sensitivity(simulator, theta, study.observation.event).values[0]
+    values = simulator.parameters.deviation(theta)[0] * sensitivity
+    return dict(zip(simulator.parameters.names, values.tolist(), strict=True))
+
+
+def _overlapping(screening: Screening, truth: dict[str, float] | None) -> Screening:
+    """The same with the share of the selection that belongs to the largest true contributions."""
+    if truth is None:
+        return screening
+    values = np.array([screening.contributions[name] for name in truth])
+    overlap = top_k_overlap(np.array([list(truth.values())]), values[None], k=len(screening.selected))
+    return replace(screening, overlap=float(overlap))
+
+
+def _with_truth(calibration: Calibration, study: Study) -> Calibration:
+    """The same with true values, where those are known."""
+    if study.truth is None:
+        return calibration
+    return replace(
+        calibration, parameters=tuple(replace(p, truth=study.truth[p.name]) for p in calibration.parameters)
+    )
+
+
+def _recording(observation: Observation, role: Role, path: str | None) -> RecordingInfo:
+    channels = zip(observation.channels, observation.units, observation.noise, observation.mask, strict=True)
+    return RecordingInfo(
+        observation.event.name,
+        role,
+        path,
+        float(observation.time[0]),
+        float(observation.time[-1]),
+        observation.event.dt,
+        observation.event.start,
+        tuple(
+            ChannelInfo(name, unit, float(noise), float(1 - mask.mean()))
+            for name, unit, noise, mask in channels
+        ),
+        tuple(map(str, observation.assumptions)),
+    )
+
+
+def _versions() -> dict[str, str]:
+    """Versions of the libraries that decide the result, of those that are installed."""
+    found = {}
+    for name in _PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import json
 import logging
-import platform
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import partial
-from importlib.metadata import PackageNotFoundError, version
-from itertools import zip_longest
 from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple, TypeVar
@@ -27,21 +24,18 @@ from errorscreen._runtime.typed import from_json, to_json
 from errorscreen.calibration import CALIBRATORS
 from errorscreen.calibration.result import Calibration
 from errorscreen.data.observations import Observation
-from errorscreen.discovery import CauseFinder, Contribution, Diagnosis, FirstLook, ModelFit
+from errorscreen.discovery import CauseFinder, Contribution, Diagnosis, FirstLook
 from errorscreen.discovery.diagnosis import NOMINAL, simulated
+from errorscreen.discovery.fits.hypotheses import PRIOR
 from errorscreen.discovery.search_step import search_simulator
 from errorscreen.events import Playback
 from errorscreen.exceptions import InputError, SimulationError
-from errorscreen.learning.generation import local_sensitivity
 from errorscreen.learning.regressors import import_network, require_network
-from errorscreen.metrics import top_k_overlap
-from errorscreen.report import Result
-from errorscreen.report.result import ChannelInfo, RecordingInfo, Role, Run, Screening, StudyInfo
+from errorscreen.report.result import Screening
 from errorscreen.screening import SCREENERS
 from errorscreen.simulators.base import REMEDIES, Simulator, Status
-from errorscreen.workflow.advice import advice, doubts
 from errorscreen.workflow.calibrate import calibrate, calibrate_map
-from errorscreen.workflow.outcome import Outcome
+from errorscreen.workflow.outcome import Outcome, result_of, run_info
 from errorscreen.workflow.screen import screen
 from errorscreen.workflow.study import Study
 
@@ -82,51 +76,24 @@ def run_study(study: Study, out: str | Path, *, progress: bool = False) -> Outco
             looked = _first_look(study, store)
             diagnosis = _diagnosed(study, store)
         selected = select()
-    calibrations = [
-        calibrate_map(study.simulator, study.searched, diagnosis.calibration, study.calibration, study.run)
-        for method in study.calibration.methods
-        if method == "map"
-    ]
+    calibrations = [_calibrated_all(study, store, diagnosis)] if "map" in study.calibration.methods else []
     order: list[str] = list(study.calibration.methods)
     calibrations = sorted([*calibrations, *selected.calibrated], key=lambda c: order.index(c.method))
     responses = {NOMINAL: nominal, **{c.label: _simulated(study, c) for c in calibrations}}
-    contributions = _true_contributions(study)
+    fits = [one for one in calibrations if one is not diagnosis.calibration]
     counts = [(one.n_simulations, one.n_failed) for one in selected.screened]
-    counts += [(one.n_simulations, one.n_failed) for one in selected.calibrated]
-    run = Run(
-        errorscreen.__version__,
-        platform.python_version(),
-        _versions(),
-        study.run.random_state,
-        study.run.n_jobs,
-        float(getattr(study.simulator, "step", np.nan)),
+    counts += [(one.n_simulations, one.n_failed) for one in fits]
+    counts += [(looked.n_simulations, looked.n_failed), (0, diagnosis.calibration.n_failed)]
+    run = run_info(
+        study,
         n_simulations=diagnosis.n_simulations + sum(used for used, _ in counts),
-        n_failed=diagnosis.calibration.n_failed + sum(failed for _, failed in counts),
+        n_failed=sum(failed for _, failed in counts),
         seconds=perf_counter() - start,
         started=started,
         reused=tuple(dict.fromkeys((*selected.reused, *store.reused))),
     )
-    device = getattr(study.simulator, "device", None)
-    hints = doubts(study.observations)
-    result = Result(
-        StudyInfo(
-            study.title,
-            device.name if device else type(study.simulator).__name__,
-            device.title if device else repr(study.simulator),
-            study.base_mva,
-            study.f_nominal,
-            len(study.simulator.parameters),
-        ),
-        tuple(_recording(*one) for one in zip_longest(study.observations, study.roles, study.paths)),
-        diagnosis,
-        tuple(_overlapping(one, contributions) for one in selected.screened),
-        contributions,
-        tuple(_with_truth(one, study) for one in calibrations),
-        tuple(ModelFit.of(label, study.observations, every) for label, every in responses.items()),
-        looked,
-        tuple(hints),
-        tuple(advice(diagnosis, study, hints)),
-        run,
+    result = result_of(
+        study, diagnosis, selected.screened, calibrations, responses, looked.contributions, run
     )
     return Outcome(study, result, responses)
 
@@ -175,26 +142,31 @@ def _selecting(
 @contextmanager
 def _checked(check: Callable[[], None]) -> Iterator[None]:
     """Call `check` at each line of the log, so that a long search ends as soon as its result is in vain."""
-    logger, handler = logging.getLogger(errorscreen.__name__), _Checking(check)
-    level = logger.level
+    logger = logging.getLogger(errorscreen.__name__)
+    level, shown, propagate = logger.level, logger.getEffectiveLevel(), logger.propagate
+    handler = _Checking(check, logger.parent if propagate else None, shown)
     logger.addHandler(handler)
-    logger.setLevel(min(logging.INFO, logger.getEffectiveLevel()))
+    logger.setLevel(min(logging.INFO, shown))
+    logger.propagate = False
     try:
         yield
     finally:
         logger.removeHandler(handler)
         logger.setLevel(level)
+        logger.propagate = propagate
 
 
 class _Checking(logging.Handler):
-    """Handler that calls a function and lets its errors pass."""
+    """Handler that calls a function, lets its errors pass, and hands on the lines that were shown before."""
 
-    def __init__(self, check: Callable[[], None]) -> None:
+    def __init__(self, check: Callable[[], None], parent: logging.Logger | None, shown: int) -> None:
         super().__init__(logging.INFO)
-        self._check = check
+        self._check, self._parent, self._shown = check, parent, shown
 
     def emit(self, record: logging.LogRecord) -> None:
         self._check()
+        if self._parent is not None and record.levelno >= self._shown:
+            self._parent.callHandlers(record)
 
 
 def _selected(study: Study, store: Store, progress: bool) -> _Selected:
@@ -229,28 +201,50 @@ def _screened(method: str, study: Study, store: Store, progress: bool) -> Screen
     )
 
 
-def _first_look(study: Study, store: Store) -> tuple[Contribution, ...]:
+@dataclass(frozen=True)
+class _Looked:
+    """First look of a network, and its simulations."""
+
+    contributions: tuple[Contribution, ...] = ()
+    n_simulations: int = 0
+    n_failed: int = 0
+
+
+def _first_look(study: Study, store: Store) -> _Looked:
     """Contributions that a network reads off the error, the largest first."""
     section = study.discovery
     if not (section.first_look and section.enabled):
-        return ()
+        return _Looked()
     import_network()  # a missing extra must be told before the simulations
     _log.info("first look: network trained on %d samples", section.first_look)
 
-    def look() -> tuple[Contribution, ...]:
-        return (
-            FirstLook(
-                search_simulator(study.simulator, section.step, study.observations),
-                section.effects,
-                n_samples=section.first_look,
-                random_state=study.run.random_state,
-                n_jobs=study.run.n_jobs,
-            )
-            .fit(study.observation)
-            .ranked_
-        )
+    def look() -> _Looked:
+        found = FirstLook(
+            search_simulator(study.simulator, section.step, study.observations),
+            section.effects,
+            n_samples=section.first_look,
+            random_state=study.run.random_state,
+            n_jobs=study.run.n_jobs,
+        ).fit(study.observation)
+        data = found.dataset_
+        return _Looked(found.ranked_, data.metadata["n_simulations"], section.first_look - len(data))
 
-    return _kept(store.under(study.fingerprint("diagnosis")), "first-look", tuple[Contribution, ...], look)
+    found = _kept(
+        store.under(study.fingerprint("diagnosis", section.first_look)), "first-look", _Looked, look
+    )
+    _log.info("  %s", ", ".join(one.name for one in found.contributions[:3]))
+    return found
+
+
+def _calibrated_all(study: Study, store: Store, diagnosis: Diagnosis) -> Calibration:
+    """Fit of all parameters with step and prior of the case file: that of the diagnosis, or led on from there."""
+    section, step = study.calibration, getattr(study.simulator, "step", np.nan)
+    if section.prior_scale == PRIOR and not diagnosis.base_step > step:
+        return diagnosis.calibration
+    _log.info("calibration: map on all parameters")
+    fit = partial(calibrate_map, study.simulator, study.searched, diagnosis.calibration, section, study.run)
+    key = study.fingerprint("diagnosis", study.together, section.prior_scale)
+    return _kept(store.under(key), "calibration-map", Calibration, fit)
 
 
 def _diagnosed(study: Study, store: Store) -> Diagnosis:
@@ -324,61 +318,3 @@ def _simulated(study: Study, calibration: Calibration) -> _Responses:
     if np.isnan(responses[0]).any():
         raise SimulationError(f"the model calibrated by {calibration.label} cannot be simulated")
     return responses
-
-
-def _true_contributions(study: Study) -> dict[str, float] | None:
-    """Contributions (14) at the true parameters, where those are known."""
-    if study.truth is None:
-        return None
-    simulator = study.simulator
-    theta = np.array([study.truth[name] for name in simulator.parameters.names])
-    sensitivity = local_sensitivity(simulator, theta, study.observation.event).values[0]
-    values = simulator.parameters.deviation(theta)[0] * sensitivity
-    return dict(zip(simulator.parameters.names, values.tolist(), strict=True))
-
-
-def _overlapping(screening: Screening, truth: dict[str, float] | None) -> Screening:
-    """The same with the share of the selection that belongs to the largest true contributions."""
-    if truth is None:
-        return screening
-    values = np.array([screening.contributions[name] for name in truth])
-    overlap = top_k_overlap(np.array([list(truth.values())]), values[None], k=len(screening.selected))
-    return replace(screening, overlap=float(overlap))
-
-
-def _with_truth(calibration: Calibration, study: Study) -> Calibration:
-    """The same with true values, where those are known."""
-    if study.truth is None:
-        return calibration
-    return replace(
-        calibration, parameters=tuple(replace(p, truth=study.truth[p.name]) for p in calibration.parameters)
-    )
-
-
-def _recording(observation: Observation, role: Role, path: str | None) -> RecordingInfo:
-    channels = zip(observation.channels, observation.units, observation.noise, observation.mask, strict=True)
-    return RecordingInfo(
-        observation.event.name,
-        role,
-        path,
-        float(observation.time[0]),
-        float(observation.time[-1]),
-        observation.event.dt,
-        observation.event.start,
-        tuple(
-            ChannelInfo(name, unit, float(noise), float(1 - mask.mean()))
-            for name, unit, noise, mask in channels
-        ),
-        tuple(map(str, observation.assumptions)),
-    )
-
-
-def _versions() -> dict[str, str]:
-    """Versions of the libraries that decide the result, of those that are installed."""
-    found = {}
-    for name in _PACKAGES:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            continue
-    return found

@@ -178,7 +178,7 @@ class Study:
         sections: dict[Stage, dict[str, Any]] = {  # the list of methods changes nothing in each of them
             "screening": self.screening.model_dump(exclude={"methods"}),
             "calibration": self.calibration.model_dump(exclude={"methods", "prior_scale", *base}),
-            "diagnosis": {**self.discovery.model_dump(), **base},
+            "diagnosis": {**self.discovery.model_dump(exclude={"first_look"}), **base},
         }
         return digest(
             program(),

@@ -65,7 +65,7 @@ def diagnosis(verdict=None, **changes):
         "hypotheses": (HypothesisFit("parameters", 1.0, 0.5, 0.0),), "extension": (),
         "parameters": (Estimate("D", 1.5, 1.25, 1.75, nominal=1.0, lower=0.0, upper=2.0),),
         "calibration": method("map", level=0.9, converged=True), "models": (model("nominal", 0.1, 0.2),),
-        "step": 0.005, "n_simulations": 100, "seconds": 2.0,
+        "step": 0.005, "base_step": 0.005, "n_simulations": 100, "seconds": 2.0,
     }  # fmt: skip
     return Diagnosis(**{**parts, **changes})
 

@@ -85,7 +85,7 @@ class Gain:
     extended: Real
     gain: Real
     interval: tuple[Real, Real]
-    level: float
+    level: Real
     placebo: float | None
     events: tuple[EventGain, ...]
     extension_parameters: int = 0

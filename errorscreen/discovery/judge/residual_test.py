@@ -26,7 +26,7 @@ from scipy.signal import lfilter
 from scipy.stats import false_discovery_control, norm
 
 from errorscreen._runtime.sampling import generator
-from errorscreen._runtime.typed import Real
+from errorscreen._runtime.typed import Limit, Real
 from errorscreen.data.observations import Observation
 from errorscreen.discovery.fits.hypotheses import PRIOR
 from errorscreen.discovery.fits.noise import by_recording, noise_model
@@ -71,7 +71,7 @@ class Cell:
     recording: str
     channel: str
     stage: str
-    band: tuple[Real, Real]
+    band: tuple[Real, Limit]
     ratio: Real
     expected: Real
     p_value: Real
