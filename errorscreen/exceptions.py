@@ -83,13 +83,7 @@ class EngineWarning(UserWarning):
 def unknown_name(
     name: str, known: Iterable[str], *, kind: str, where: str | None = None, remedy: str | None = None
 ) -> InputError:
-    """Build the error for an unknown name, with the nearest matches.
-
-    Examples
-    --------
-    >>> print(unknown_name("Xd2", ["Xd", "Xd1", "H"], kind="parameter"))
-    unknown parameter 'Xd2' (did you mean 'Xd', 'Xd1'?). Allowed: Xd, Xd1, H.
-    """
+    """Build the error for an unknown name, with the nearest matches."""
     known = list(known)
     near = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
     hint = f" (did you mean {', '.join(repr(n) for n in near)}?)" if near else ""
@@ -97,16 +91,7 @@ def unknown_name(
 
 
 def check_integer(value: Any, name: str, *, low: int = 1, high: int | None = None) -> int:
-    """Return `value` as int if it is an integer between `low` and `high`, and raise `InputError` otherwise.
-
-    Examples
-    --------
-    >>> check_integer(3, "k", high=10)
-    3
-    >>> check_integer(12, "k", high=10)
-    Traceback (most recent call last):
-    errorscreen.exceptions.InputError: k is 12. Allowed: an integer from 1 to 10.
-    """
+    """Return `value` as int if it is an integer between `low` and `high`, and raise `InputError` otherwise."""
     good = isinstance(value, Integral) and not isinstance(value, bool)
     if not good or value < low or (high is not None and value > high):
         upper = "" if high is None else f" to {high}"
@@ -125,22 +110,7 @@ def check_real(
 ) -> float:
     """Return `value` as float if it is a finite number in [low, high], and raise `InputError` otherwise.
 
-    Parameters
-    ----------
-    value : object
-    name, where : str
-        For the message.
-    low, high : float
-    above : bool, default False
-        Whether `low` itself is excluded.
-
-    Examples
-    --------
-    >>> check_real(0.3, "step", low=0, above=True)
-    0.3
-    >>> check_real(0, "step", low=0, above=True)
-    Traceback (most recent call last):
-    errorscreen.exceptions.InputError: step is 0. Allowed: a number > 0.
+    With `above`, `low` itself is excluded. `name` and `where` are for the message.
     """
     good = isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
     if not good or value > high or value < low or (above and value == low):

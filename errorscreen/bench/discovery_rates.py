@@ -67,13 +67,7 @@ def _counts(rows: Sequence[_Record], outcomes: Sequence[str]) -> dict[str, int]:
 
 
 def rate_of(hits: Sequence[bool]) -> dict[str, Any]:
-    """Share of hits: ``value``, exact binomial 95 % ``interval`` and ``n``; None of no trials.
-
-    Examples
-    --------
-    >>> rate_of([True, True, False, True])["value"]
-    0.75
-    """
+    """Share of hits: ``value``, exact binomial 95 % ``interval`` and ``n``; None of no trials."""
     if not hits:
         return {"value": None, "interval": None, "n": 0}
     # exact: a bootstrap of rates of 0 or 1 has no width

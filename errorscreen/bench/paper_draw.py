@@ -84,18 +84,7 @@ class Effort:
 
 @dataclass(frozen=True)
 class Setting:
-    """Common settings of all draws.
-
-    Parameters
-    ----------
-    seed : int
-    noise_db : float or None
-        Level of the response's deviation from its value before the event over that of the noise, both rms, in
-        decibels, for each channel and event; None is without noise.
-    effort : Effort
-    simulator : PowerSystemSimulator
-        Model to calibrate.
-    """
+    """Common settings of all draws; `noise_db` as in `errorscreen.bench.scenarios.draw_scenario`, None for no noise."""
 
     seed: int
     noise_db: float | None
@@ -187,17 +176,9 @@ def run_draw(
     """Rank, calibrate and judge one hidden draw.
 
     `cnn` are the contributions (m,) by the network from the error of the calibration event, `step_errors` those of
-    `step_error`. Arrays of the result follow the order of `RANKINGS`, `CALIBRATED` (fits) and `Setting.events`:
-
-    - ``theta`` and ``label`` (m,), the truth;
-    - ``contributions`` (rankings, m) and ``overlap`` (rankings,) with the label of the calibration event;
-      ``overlap_three``, of the attribution on three events with their mean label; ``expected_overlap`` (2,), by the
-      attribution on one event and on three;
-    - ``calibrated`` (fits, m); ``before`` (events, R) and ``errors`` (fits, events, R), equation (23) against the true
-      response; ``measured_before`` (R,) and ``measured`` (fits, R), the same against the recording that is fitted;
-    - of the fits of all parameters on one event and on three: ``chi2`` and ``objective`` (2, 2), χ²/N and χ² + prior of
-      the fit and of the truth; ``covered`` and ``identifiable`` (2, m), ``converged`` and ``starts`` (2,);
-    - ``simulations`` and ``seconds`` (fits, 2), of ranking and of calibration.
+    `step_error`. Arrays of the result follow the order of `RANKINGS`, `CALIBRATED` (fits) and `Setting.events`;
+    ``errors`` (fits, events, R) is equation (23) against the true response, and ``measured`` (fits, R) against the
+    recording that is fitted.
     """
     simulator = setting.simulator
     found = hidden(setting, draw, step_errors, setting.events)

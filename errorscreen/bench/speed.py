@@ -131,11 +131,7 @@ def first_use_seconds(device: str) -> tuple[float, float]:
 
 
 def cwt_speed(n_signals: int = 256, n_samples: int = 501) -> dict[str, float]:
-    """Speed of the wavelet energy on 64 scales, against one call of `pywt.cwt` for each signal.
-
-    `pywt.cwt` runs both methods in float32 and float64, of which the fastest counts. The transformer has its default
-    settings and a thread for each core.
-    """
+    """Speed of the wavelet energy on 64 scales, against one call of `pywt.cwt` for each signal at its fastest."""
     import pywt
 
     from errorscreen.features import CWTTransformer

@@ -38,15 +38,7 @@ _Values = tuple[float, ...]
 
 @dataclass(frozen=True)
 class Hidden:
-    """One mechanism of a trap.
-
-    Parameters
-    ----------
-    effect : str
-        Effect of the library that is right.
-    draw : callable
-        ``draw(rng)`` gives the mechanism's values for `Trap.truth` and those of the library's effect.
-    """
+    """Mechanism of a trap: the right `effect`, and ``draw(rng)`` of values for `Trap.truth` and of the effect's own."""
 
     effect: str
     draw: Callable[[np.random.Generator], tuple[_Values, _Values]]
@@ -56,25 +48,8 @@ class Hidden:
 class Trap:
     """A system and the mechanisms that may be hidden in it.
 
-    Parameters
-    ----------
-    rhs : callable
-        Equations of the model to fit.
-    states, inputs, outputs : tuple of str
-    parameters : tuple of (str, float)
-        Names and nominal values.
-    dt : float
-        Seconds between samples.
-    hold : bool
-        Whether inputs are held between samples.
-    initial : mapping of str to float
-    inflow : callable
-        ``inflow(rng)`` draws an input (L,).
-    truth : callable
-        ``truth(u, dt, *parameters, *values)``, of `trap_truths`.
-    nothing : tuple
-        Its values where nothing is hidden.
-    hidden : tuple of Hidden
+    ``inflow(rng)`` draws an input (L,), and ``truth(u, dt, *parameters, *values)`` of `trap_truths` gives the output,
+    with the values `nothing` where nothing is hidden.
     """
 
     rhs: Callable[..., None]
@@ -230,19 +205,7 @@ def draw_trap_scenario(
     device: str | None = None,
     least_size: float = LEAST_SIZE,
 ) -> Scenario:
-    """Draw a trap with one hidden mechanism or none, and record three events, the last of which is held out.
-
-    Parameters
-    ----------
-    seed : int, SeedSequence or Generator
-    noise_db : float
-        Level of the output's deviation from its first value over that of the noise, both rms.
-    kind : {"nothing", "effect"}, optional
-    device : str, optional
-        Key of `TRAPS`; both are drawn where not given.
-    least_size : float
-        Smaller effects are drawn again, together with the inputs.
-    """
+    """Draw a trap with one hidden mechanism or none, and record three events, the last of which is held out."""
     rng = np.random.default_rng(seed)
     drawn, name = draw_kind(rng, TRAP_MIX), str(rng.choice(list(TRAPS)))
     kind, name = kind or drawn, device or name

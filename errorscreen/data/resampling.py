@@ -55,27 +55,9 @@ def interpolate(
 ) -> NDArray[np.float64]:
     """Bring readings onto a grid by linear interpolation.
 
-    A gap longer than `max_gap` stays NaN, and so does the time before the first and after the last reading. For a grid
-    coarser than two readings the signal first passes a Gaussian low-pass of half a grid step (a factor 0.29 at the
-    grid's Nyquist frequency, no delay and no overshoot), so that faster content does not fold back.
-
-    Parameters
-    ----------
-    time, values : array-like of shape (L,)
-        Seconds, increasing; NaN for gaps.
-    grid : array-like of shape (K,)
-        Seconds, increasing.
-    max_gap : float, optional
-        Longest gap that is interpolated, in seconds; five times the median distance of readings where not given.
-
-    Returns
-    -------
-    ndarray of shape (K,)
-
-    Examples
-    --------
-    >>> interpolate([0.0, 1.0, 2.0, 9.0], [0.0, 2.0, 4.0, 4.0], [0.5, 1.0, 1.5, 5.0, 9.0])
-    array([ 1.,  2.,  3., nan,  4.])
+    A gap longer than `max_gap` seconds, by default five median distances, stays NaN, and so does the time before the
+    first and after the last reading. For a grid coarser than two readings the signal first passes a Gaussian low-pass
+    of half a grid step (a factor 0.29 at the grid's Nyquist frequency), so that faster content does not fold back.
     """
     t, x, grid = (np.asarray(a, dtype=float) for a in (time, values, grid))
     keep = np.isfinite(x)

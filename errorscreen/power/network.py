@@ -167,7 +167,7 @@ class Network:
         return self._changed(((at, at), y), shunts=(*self.shunts, Shunt(bus, y.real, y.imag)))
 
     def _changed(self, change: tuple[Any, Any] | None = None, **elements: Any) -> Network:
-        """Grid with other branches, shunts or bolted faults, and the same connections, which are not checked again.
+        """Grid with other branches, shunts or bolted faults, whose connections are not checked again.
 
         `change` (index, array) adds to entries of the admittance matrix, because a search tries thousands of faults.
         """

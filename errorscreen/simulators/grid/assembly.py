@@ -39,13 +39,7 @@ _SUMS: dict[int, Equations] = {
 
 
 def qualified(prefix: str, name: str) -> str:
-    """Name of a quantity of one unit in the model's name space; a derivative keeps its ``d_`` in front.
-
-    Examples
-    --------
-    >>> qualified("pv_plant", "d_W"), qualified("pv_plant", "W"), qualified("pv_plant", "f0")
-    ('d_pv_plant.W', 'pv_plant.W', 'f0')
-    """
+    """Name of a quantity of one unit in the model: ``d_W`` becomes ``d_pv_plant.W``."""
     if name in _SHARED:
         return name
     return f"d_{prefix}.{name[2:]}" if name.startswith("d_") else f"{prefix}.{name}"
@@ -84,8 +78,7 @@ def grid_effects(
 class GridModel:
     """Model of machines and devices at the terminals of a reduced grid, with effects at the devices that they name.
 
-    At most one device may be of the kind ``"norton"`` and one of the kind ``"rotor"``; `machines` are the buses of the
-    fixed machines, `channels` those of `PowerSystemSimulator`.
+    There may be one device of the kind ``"norton"`` and one of the kind ``"rotor"``.
     """
 
     def __init__(

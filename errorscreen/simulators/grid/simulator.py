@@ -351,10 +351,7 @@ class PowerSystemSimulator(Simulator):
     def _start(
         self, theta: NDArray[np.float64], event: GridEvent, instants: tuple[float, float], h: float
     ) -> tuple[Values, NDArray[np.bool_]]:
-        """All states and constants by name, each of shape (n,) or (), and where an equilibrium exists.
-
-        Of the event only its load level, its acting effects, its begin and its end count.
-        """
+        """All states and constants by name, (n,) or (), and where an equilibrium exists."""
         machines, powers = self._at_terminals(event)
         values: Values = {"f0": np.array(self.f0), **machines}
         feasible = np.ones(len(theta), dtype=bool)

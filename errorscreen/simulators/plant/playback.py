@@ -119,10 +119,7 @@ def playback_observation(
 
 
 def input_noise(event: Playback) -> dict[str, tuple[NDArray[np.float64], float]]:
-    """Noise of each injected signal: effect of one sample of noise in time, and its standard deviation.
-
-    The effect is a single value, or a step where the angle is the integral of the frequency.
-    """
+    """Noise of each injected signal: effect of one sample in time, and its standard deviation."""
     found = {name: (np.ones(1), sigma) for name, sigma in event.noise.items() if name != "f"}
     if "f" in event.noise:
         found["angle"] = (np.full(len(event.time), 2 * np.pi * event.dt), event.noise["f"])
