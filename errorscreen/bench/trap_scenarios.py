@@ -31,8 +31,6 @@ _STEPS = 4
 _SPILL = 19.0 * _STEPS / 0.25
 
 _Array = NDArray[np.float64]
-
-
 _Values = tuple[float, ...]
 
 
@@ -221,7 +219,8 @@ def draw_trap_scenario(
         inputs = [trap.inflow(rng) for _ in range(_FITTED + 1)]
         values, own = hidden.draw(rng) if hidden else (trap.nothing, ())
         clean = [trap.truth(u, trap.dt, *theta, *values) for u in inputs]
-        sigma = _level(clean) * 10 ** (-noise_db / 20)
+        level = float(np.sqrt(np.mean([np.mean((y - y[0]) ** 2) for y in clean])))
+        sigma = level * 10 ** (-noise_db / 20)
         observations, simulator = _record(trap, inputs, clean, sigma, rng)
         fitted, size = observations[:_FITTED], 0.0
         if hidden:
@@ -237,11 +236,6 @@ def draw_trap_scenario(
             np.array(own, dtype=float),
         )  # fmt: skip
     raise too_small(TRIES, f" in the trap {name!r}", least_size, noise_db)
-
-
-def _level(responses: Sequence[_Array]) -> float:
-    """Rms deviation from the first value."""
-    return float(np.sqrt(np.mean([np.mean((y - y[0]) ** 2) for y in responses])))
 
 
 def _record(

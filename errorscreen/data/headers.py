@@ -41,10 +41,8 @@ def guess_columns(headers: Iterable[str], source: str) -> dict[str, Column]:
     """Map headers to channels where their names, such as ``P [MW]`` or ``angle/deg``, leave no doubt."""
     headers = list(headers)
     found: dict[str, Column] = {}
-    problem, allowed = (
-        "no column names a channel",
-        "V, angle, f, P, Q, or usual names with a unit, as 'P [MW]'",
-    )
+    problem = "no column names a channel"
+    allowed = "V, angle, f, P, Q, or usual names with a unit, as 'P [MW]'"
     for header in headers:
         role, unit = _read_header(header)
         if role is None or role == "time":

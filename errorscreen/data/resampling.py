@@ -66,7 +66,11 @@ def interpolate(
         return np.full(grid.shape, np.nan)
     distance = spacing(t, x)
     step = float(np.median(np.diff(grid))) if len(grid) > 1 else 0.0
-    source, signal = _smoothed(t, x, step, distance) if low_pass_needed(step, distance) else (t, x)
+    source, signal = t, x
+    if low_pass_needed(step, distance):
+        fine = step / np.ceil(step / distance)
+        source = t[0] + fine * np.arange(int(np.ceil((t[-1] - t[0]) / fine)) + 1)
+        signal = gaussian_filter1d(np.interp(source, t, x), 0.5 * step / fine, mode="nearest")
     out = np.interp(grid, source, signal)
     # rounding must not turn the first or last instant, or one beside a long gap, into a gap
     tolerance = 1e-6 * min(distance, step) if step > 0 else 0.0
@@ -76,12 +80,3 @@ def interpolate(
     gap = (after - before > longest * (1 + 1e-9)) | (grid < t[0] - tolerance) | (grid > t[-1] + tolerance)
     out[gap] = np.nan
     return out
-
-
-def _smoothed(
-    t: NDArray[np.float64], x: NDArray[np.float64], step: float, distance: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return a uniform grid as fine as the readings, and the signal on it after the low-pass of half a `step`."""
-    fine = step / np.ceil(step / distance)
-    source = t[0] + fine * np.arange(int(np.ceil((t[-1] - t[0]) / fine)) + 1)
-    return source, gaussian_filter1d(np.interp(source, t, x), 0.5 * step / fine, mode="nearest")

@@ -129,7 +129,11 @@ class Reducer:
 
     def _solved(self, network: Network) -> NDArray[np.complex128]:
         """Voltages of all buses for 1 pu at each terminal, from the whole matrix."""
-        return _unit_responses(self._admittances([network])[0], self._at, self._grounded(network))
+        Y = self._admittances([network])[0]
+        V = np.zeros((len(Y), len(self._at)), dtype=complex)
+        free = np.delete(np.arange(len(Y)), self._grounded(network))
+        V[free] = _solve(Y[np.ix_(free, free)], (free[:, None] == self._at).astype(complex))
+        return V
 
     @cached_property
     def _before(self) -> tuple[NDArray[np.complex128], NDArray[np.complex128], float]:
@@ -159,10 +163,8 @@ class Reducer:
         n, T = len(D), len(self._at)
         if 4 * (len(s) + len(grounded)) > len(Z):
             return np.zeros((n, len(Z), T), dtype=complex), np.zeros(n, dtype=bool)
-        V, well = (
-            np.repeat(Z[None, :, np.concatenate([self._at, grounded])], n, axis=0),
-            np.ones(n, dtype=bool),
-        )
+        V = np.repeat(Z[None, :, np.concatenate([self._at, grounded])], n, axis=0)
+        well = np.ones(n, dtype=bool)
         if len(s):
             change = D @ Z[np.ix_(s, s)]
             left, V_s = np.eye(len(s)) + change, V[:, s]
@@ -207,17 +209,6 @@ class Reducer:
             arriving,
             V[:, self._receiving],
         )
-
-
-def _unit_responses(
-    Y: NDArray[np.complex128], terminals: NDArray[np.int64], grounded: NDArray[np.int64]
-) -> NDArray[np.complex128]:
-    """Voltages of all buses for 1 pu at each terminal, shape (n_buses, n_terminals)."""
-    V = np.zeros((len(Y), len(terminals)), dtype=complex)
-    free = np.delete(np.arange(len(Y)), grounded)
-    units = (free[:, None] == terminals).astype(complex)
-    V[free] = _solve(Y[np.ix_(free, free)], units)
-    return V
 
 
 def _into(branches: Iterable[Branch], sending: int, receiving: int) -> tuple[complex, complex]:

@@ -50,11 +50,6 @@ def machine_prefix(bus: int) -> str:
     return f"machine_{bus}"
 
 
-def constant_names(device: Device) -> tuple[str, ...]:
-    """Candidates, constants and set-points of a device in a grid, without prefix."""
-    return (*device.candidates.names, *device.constant_values(in_grid=True), *device.setpoints, "size")
-
-
 def grid_effects(
     devices: Mapping[str, str], channels: Iterable[str], network: Network, events: Sequence[Event]
 ) -> Iterator[Effect]:
@@ -108,7 +103,11 @@ class GridModel:
         constants = [qualified(p, c) for p in self._machines for c in machine_constants]
         for d in self.devices:
             states += [qualified(d.name, s) for s in (*d.states, *(s for s, _ in d.interface.states))]
-            constants += [qualified(d.name, c) for c in constant_names(d)]
+            own = (*d.candidates.names, *d.constant_values(in_grid=True), *d.setpoints, "size")
+            constants += [qualified(d.name, c) for c in own]
+        rows = list(self._order)
+        for name, where in self.channels.items():
+            rows += [f"channel.{name}.{part}" for part in ("VI" if isinstance(where, tuple) else "V")]
         return Model(
             name="grid",
             inputs=(),
@@ -116,7 +115,7 @@ class GridModel:
             constants=tuple(dict.fromkeys((*_SHARED, *constants, *effect_constants(self.effects)))),
             calls=tuple(self._calls),
             outputs=tuple(f"channel.{name}" for name in self.channels),
-            tables=self._table_names(),
+            tables=tuple(part for row in rows for column in self._order for part in _impedance(row, column)),
             gated=gates(self.effects),
         )
 
@@ -132,17 +131,6 @@ class GridModel:
                 rows.append(reduced.transfer[..., reduced.observed.index(where), None, :])
         values = np.concatenate(rows, axis=-2)
         return np.stack([values.real, values.imag], axis=-1).reshape(*values.shape[:-2], -1)
-
-    def _rows(self) -> list[str]:
-        rows = list(self._order)
-        for name, where in self.channels.items():
-            rows += [f"channel.{name}.{part}" for part in ("VI" if isinstance(where, tuple) else "V")]
-        return rows
-
-    def _table_names(self) -> tuple[str, ...]:
-        return tuple(
-            part for row in self._rows() for column in self._order for part in _impedance(row, column)
-        )
 
     def _add(
         self, function: Equations, reads: Iterable[str], writes: Iterable[str], recorded: bool = False

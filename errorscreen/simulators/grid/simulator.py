@@ -292,7 +292,7 @@ class PowerSystemSimulator(Simulator):
             flow = self._flow(event)
             self._reducers[event.level] = Reducer(
                 flow.network,
-                self._terminals(),
+                [terminal.bus for terminal in (*self.machines, *self._items)],
                 load_voltages=flow.voltage,
                 observed=[w for w in self.observed.values() if not isinstance(w, tuple)],
                 flows=[w for w in self.observed.values() if isinstance(w, tuple)],
@@ -335,10 +335,6 @@ class PowerSystemSimulator(Simulator):
             return recording
         return observed_after(recording, self.event if event is None else event, self.channels, self.units)
 
-    def _terminals(self) -> list[int]:
-        """Buses of all currents, in the order of the model."""
-        return [m.bus for m in self.machines] + [item.bus for item in self._items]
-
     def _flow(self, event: GridEvent) -> LoadFlow:
         """Load flow before an event, kept for each load level."""
         if event.level not in self._flows:
@@ -352,7 +348,10 @@ class PowerSystemSimulator(Simulator):
         self, theta: NDArray[np.float64], event: GridEvent, instants: tuple[float, float], h: float
     ) -> tuple[Values, NDArray[np.bool_]]:
         """All states and constants by name, (n,) or (), and where an equilibrium exists."""
-        machines, powers = self._at_terminals(event)
+        if event.level not in self._terminal_values:
+            found = at_terminals(self._flow(event), self.machines, self._items)
+            self._terminal_values[event.level] = found
+        machines, powers = self._terminal_values[event.level]
         values: Values = {"f0": np.array(self.f0), **machines}
         feasible = np.ones(len(theta), dtype=bool)
         given = self._named(theta, event)
@@ -366,10 +365,3 @@ class PowerSystemSimulator(Simulator):
         values |= self._off | given
         started = start_effects(self._inside, values, lambda effect: of_device[effect.device], h)
         return values | started, feasible
-
-    def _at_terminals(self, event: GridEvent) -> AtTerminals:
-        """State of all terminals before an event, kept for each load level."""
-        if event.level not in self._terminal_values:
-            found = at_terminals(self._flow(event), self.machines, self._items)
-            self._terminal_values[event.level] = found
-        return self._terminal_values[event.level]

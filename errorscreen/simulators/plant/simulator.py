@@ -268,7 +268,12 @@ class PlantSimulator(Simulator):
         values |= {**states, **setpoints}
         if self._behind:
             values |= {state: values[name] for state, name in self.device.interface.states}
-        values |= {name: np.full(len(theta), t - event.time[0]) for name, t in _instants(event).items()}
+        # without a disturbance before the end, an unknown input still has a window of one sample
+        begin = min(event.start, event.time[-1] - event.dt)
+        values |= {
+            name: np.full(len(theta), t - event.time[0])
+            for name, t in (("t_event", begin), ("t_stop", event.time[-1]))
+        }
         values |= start_effects(inside(self.effects), values, lambda effect: values, h)
         return *starting(self._engine.model, values, feasible, len(theta)), values, h, every
 
@@ -341,12 +346,6 @@ class PlantSimulator(Simulator):
                 own = [values[effect.local(p.name)] for p in effect.parameters]
                 values[effect.channel] = effect.recorded(values[effect.channel], *own)
         return values | {"angle": 0.0 * one}
-
-
-def _instants(event: Playback) -> dict[str, float]:
-    """Begin of the event and end of the record in seconds, for effects that depend on time."""
-    # without a disturbance before the end, an unknown input still has a window of one sample
-    return {"t_event": min(event.start, event.time[-1] - event.dt), "t_stop": event.time[-1]}
 
 
 def _with_frequency(
