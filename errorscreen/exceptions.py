@@ -83,7 +83,11 @@ class EngineWarning(UserWarning):
 def unknown_name(
     name: str, known: Iterable[str], *, kind: str, where: str | None = None, remedy: str | None = None
 ) -> InputError:
-    """Build the error for an unknown name, with the nearest matches."""
+    """Build the error for an unknown name, with the nearest matches.
+
+    >>> print(unknown_name("Xd2", ["Xd", "Xd1", "H"], kind="parameter"))
+    unknown parameter 'Xd2' (did you mean 'Xd', 'Xd1'?). Allowed: Xd, Xd1, H.
+    """
     known = list(known)
     near = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
     hint = f" (did you mean {', '.join(repr(n) for n in near)}?)" if near else ""
@@ -91,7 +95,12 @@ def unknown_name(
 
 
 def check_integer(value: Any, name: str, *, low: int = 1, high: int | None = None) -> int:
-    """Return `value` as int if it is an integer between `low` and `high`, and raise `InputError` otherwise."""
+    """Return `value` as int if it is an integer between `low` and `high`, and raise `InputError` otherwise.
+
+    >>> check_integer(12, "k", high=10)
+    Traceback (most recent call last):
+    errorscreen.exceptions.InputError: k is 12. Allowed: an integer from 1 to 10.
+    """
     good = isinstance(value, Integral) and not isinstance(value, bool)
     if not good or value < low or (high is not None and value > high):
         upper = "" if high is None else f" to {high}"
@@ -111,6 +120,10 @@ def check_real(
     """Return `value` as float if it is a finite number in [low, high], and raise `InputError` otherwise.
 
     With `above`, `low` itself is excluded. `name` and `where` are for the message.
+
+    >>> check_real(0, "step", low=0, above=True)
+    Traceback (most recent call last):
+    errorscreen.exceptions.InputError: step is 0. Allowed: a number > 0.
     """
     good = isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
     if not good or value > high or value < low or (above and value == low):

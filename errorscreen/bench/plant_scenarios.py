@@ -116,7 +116,6 @@ def _mechanisms(device: str) -> list[Effect]:
 
 
 def _faults(device: str) -> tuple[Effect, ...]:
-    """Measurement faults."""
     return (*measurement_effects(DEVICES[device].outputs), common_skew())
 
 

@@ -14,6 +14,7 @@ from errorscreen.events import Event
 from errorscreen.exceptions import unknown_name
 from errorscreen.models.device import Device
 from errorscreen.power import elimination
+from errorscreen.simulators.base import Status
 
 #: initial states, constants, rows with an equilibrium, all values by name, step, and steps between samples
 Prepared = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_], Values, float, int]
@@ -180,12 +181,13 @@ def step_of(event: Event, longest: float) -> tuple[float, int]:
     return event.dt / every, every
 
 
-def drop_implausible(out: NDArray[np.float64], most: float) -> NDArray[np.bool_]:
-    """Set rows (n, R, L) that are not finite or leave the range ±`most` to NaN; return which rows stay, (n,)."""
+def statuses(out: NDArray[np.float64], most: float, start: Any = True) -> NDArray[np.int64]:
+    """Set rows (n, R, L) that are not finite or leave ±`most` to NaN; status of each row, which may `start` or not."""
     with np.errstate(invalid="ignore"):
         well = (out.max(axis=(1, 2)) < most) & (out.min(axis=(1, 2)) > -most)
     out[~well] = np.nan
-    return np.asarray(well)
+    ended = np.where(well, Status.OK, Status.DIVERGED)
+    return np.where(start, ended, Status.NO_EQUILIBRIUM).astype(np.int64)
 
 
 def measured(

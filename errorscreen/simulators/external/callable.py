@@ -165,7 +165,6 @@ class CallableSimulator(Simulator):
         return [row for row, _ in pairs], [reason for _, reason in pairs if reason]
 
     def _shaped(self, values: Any, event: Event) -> _Array:
-        """Returned values as (R, L)."""
         shape = (len(self.channels), len(event.time))
         try:
             array = np.array(values, dtype=float)

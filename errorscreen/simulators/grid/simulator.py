@@ -18,17 +18,7 @@ from errorscreen.parameters import ParameterSpace
 from errorscreen.power.load_flow import LoadFlow, solve_load_flow
 from errorscreen.power.network import Network
 from errorscreen.power.reduction import Reducer
-from errorscreen.simulators.assembly import (
-    Prepared,
-    check_ports,
-    drop_implausible,
-    inside,
-    measured,
-    start_effects,
-    starting,
-    step_of,
-    switched_off,
-)
+from errorscreen.simulators import assembly
 from errorscreen.simulators.base import Responses, Simulator, Status
 from errorscreen.simulators.grid.assembly import GridModel, grid_effects, qualified
 from errorscreen.simulators.grid.event_tables import courses, events_by_row, steps_at_rest, tables_in_time
@@ -153,12 +143,12 @@ class PowerSystemSimulator(Simulator):
             kinds = {u.model.name: u.model.name for u in units} | {i.model.name: LOAD.name for i in loads}
             effects = grid_effects(kinds, self.channels, self.network, (event, *further))
         self.effects = tuple(effects)
-        self._off = switched_off(self.effects)
-        self._inside = inside(self.effects)
+        self._off = assembly.switched_off(self.effects)
+        self._inside = assembly.inside(self.effects)
         for effect in self._inside:
             if effect.device not in devices:
                 raise unknown_name(effect.device, devices, kind="device", where=f"effect {effect.name!r}")
-            check_ports(devices[effect.device], [effect])
+            assembly.check_ports(devices[effect.device], [effect])
         self._grid = GridModel((m.bus for m in self.machines), devices.values(), self.observed, self._inside)
         self._engine = new_engine(engine, self._grid.model(), n_threads)
         self._flows: dict[float, LoadFlow] = {}
@@ -235,11 +225,10 @@ class PowerSystemSimulator(Simulator):
                 out[rows, :, : skipped // record] = part[:, :, :1]
                 out[rows, :, skipped // record :] = part
         if distorted:
-            out = measured(out, self.channels, present, values, h)[..., ::every]
-        well = drop_implausible(out, _PLAUSIBLE)
-        status = np.where(start, np.where(well, Status.OK, Status.DIVERGED), Status.NO_EQUILIBRIUM)
+            out = assembly.measured(out, self.channels, present, values, h)[..., ::every]
+        status = assembly.statuses(out, _PLAUSIBLE, start)
         status[~possible] = Status.FAILED
-        return Responses(out, status.astype(np.int64), event.time, self.channels)
+        return Responses(out, status, event.time, self.channels)
 
     def trajectories(
         self, theta: ArrayLike, event: Event, device: str = ""
@@ -300,15 +289,14 @@ class PowerSystemSimulator(Simulator):
             )
         return self._reducers[event.level]
 
-    def _prepared(self, theta: NDArray[np.float64], event: GridEvent) -> Prepared:
-        """Start of each simulation, see `Prepared`."""
-        h, every = step_of(event, self.step)
+    def _prepared(self, theta: NDArray[np.float64], event: GridEvent) -> assembly.Prepared:
+        h, every = assembly.step_of(event, self.step)
         begin = min(event.start, event.time[-1] - event.dt) - event.time[0]
         instants = float(begin), float(event.time[-1] - event.time[0])
 
         def start() -> tuple[Any, ...]:
             values, feasible = self._start(theta, event, instants, h)
-            return *starting(self._engine.model, values, feasible, len(theta)), values
+            return *assembly.starting(self._engine.model, values, feasible, len(theta)), values
 
         acting = tuple(effect.acts_in(event) for effect in self.extensions)
         model, known = (self.parameters, self.extensions), (event.level, instants, h, acting)
@@ -363,5 +351,5 @@ class PowerSystemSimulator(Simulator):
             of_device[item.model.name] = own | clock
             feasible = feasible & possible
         values |= self._off | given
-        started = start_effects(self._inside, values, lambda effect: of_device[effect.device], h)
+        started = assembly.start_effects(self._inside, values, lambda effect: of_device[effect.device], h)
         return values | started, feasible

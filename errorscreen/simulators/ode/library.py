@@ -174,5 +174,4 @@ def _integrals(
 
 
 def _drawn(rng: np.random.Generator, names: Sequence[str], ranges: _Ranges) -> _Array:
-    """Draw values inside the ranges."""
     return np.array([rng.uniform(low, high + 1e-9) for low, high in (ranges[name] for name in names)])
