@@ -98,9 +98,9 @@ class Setting:
         held_out = [name for name in events if name not in FIT_EVENTS]
         return {name: events[name] for name in (*FIT_EVENTS, *held_out)}
 
-    def streams(self, draw: int, n: int) -> list[np.random.SeedSequence]:
-        """Independent seeds of one draw."""
-        return np.random.SeedSequence(self.seed, spawn_key=(draw,)).spawn(n)
+    def streams(self, draw: int) -> list[np.random.SeedSequence]:
+        """Independent seeds of one draw: of its parameters, of its noise, and of the searches."""
+        return np.random.SeedSequence(self.seed, spawn_key=(draw,)).spawn(3)
 
 
 def step_error(setting: Setting) -> dict[str, _Array]:
@@ -132,7 +132,7 @@ def hidden(setting: Setting, draw: int, step_errors: dict[str, _Array], names: I
     """Draw parameters, uniform inside the bounds, and measure the named events."""
     fine = load_ieee39(step=TRUE_STEP, n_threads=1)
     lower, upper = fine.parameters.bounds.T
-    for_theta, for_noise, _ = setting.streams(draw, 3)
+    for_theta, for_noise, _ = setting.streams(draw)
     theta = np.random.default_rng(for_theta).uniform(lower, upper)
     noise_streams = dict(zip(setting.events, for_noise.spawn(len(setting.events)), strict=True))
     truths, observations = {}, {}
@@ -183,7 +183,7 @@ def run_draw(
     simulator = setting.simulator
     found = hidden(setting, draw, step_errors, setting.events)
     one, three = ([found.observations[name] for name in FIT_EVENTS[:k]] for k in (1, 3))
-    seeds = [int(s.generate_state(1)[0]) for s in setting.streams(draw, 3)[2].spawn(3)]
+    seeds = [int(s.generate_state(1)[0]) for s in setting.streams(draw)[2].spawn(3)]
     on_one, on_three = (_fit_all(setting, recordings, found.theta, seeds) for recordings in (one, three))
     labels = [contribution_labels(simulator, found.theta, o.event)[0] for o in three]
     label, label_three = labels[0], np.mean(labels, axis=0)

@@ -173,13 +173,13 @@ def draw_scenario(
             structure=right if kind in HELD else (),
             values=np.concatenate([np.zeros(0), *own]),
         )
-    raise too_small(TRIES, "", least_size, noise_db)
+    raise too_small("", least_size, noise_db)
 
 
-def too_small(tries: int, where: str, least: float, noise_db: float) -> InputError:
+def too_small(where: str, least: float, noise_db: float) -> InputError:
     """Error of draws without a large enough effect."""
     return InputError(
-        f"none of {tries} effects drawn{where} is at least {least:g} times the noise at {noise_db:g} dB",
+        f"none of {TRIES} effects drawn{where} is at least {least:g} times the noise at {noise_db:g} dB",
         allowed="less noise, or a smaller least size",
     )
 

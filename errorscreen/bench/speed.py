@@ -95,9 +95,9 @@ def measure_speed(out: str | Path, *, cnn: bool = True, labels: bool = True) -> 
     return result
 
 
-def dip_event(seconds: float = 5.0, rate: float = 60.0) -> Playback:
+def dip_event(seconds: float = 5.0) -> Playback:
     """Voltage dip of 0.15 s with a swing of the angle, sampled as by a phasor measurement unit."""
-    time = np.arange(0, seconds, 1 / rate)
+    time = np.arange(0, seconds, 1 / 60.0)
     low = (time > 1.0) & (time < 1.15)
     angle = np.where(time > 1.0, 0.25 * np.sin(5.0 * (time - 1.0)) * np.exp(-(time - 1.0) / 2), 0.0)
     signals = {"V": np.where(low, 0.45, 1.0), "angle": angle}

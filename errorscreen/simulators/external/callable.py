@@ -127,10 +127,7 @@ class CallableSimulator(Simulator):
     def simulate(self, theta: ArrayLike, event: Event | None = None) -> Responses:
         """Simulate every row of `theta`; see `Simulator.simulate`.
 
-        Raises
-        ------
-        InputError
-            If the function returns another shape than outputs and event have.
+        `InputError` if the function returns another shape than outputs and event have.
         """
         event = self.event if event is None else event
         theta = self.acting(self.parameters.validate(theta), event)

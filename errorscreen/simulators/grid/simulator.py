@@ -180,18 +180,10 @@ class PowerSystemSimulator(Simulator):
         }
 
     def simulate(self, theta: ArrayLike, event: Event | None = None) -> Responses:
-        """Simulate every row of `theta`; see `Simulator.simulate`.
+        """Simulate every row of `theta`, driven by a `GridEvent`; see `Simulator.simulate`.
 
-        Parameters
-        ----------
-        theta : array-like of shape (n, m)
-        event : GridEvent, optional
-            `self.event` where not given. The value at an instant at which the grid changes is the one just after it.
-
-        Raises
-        ------
-        InputError
-            If the event is of another kind, or an instant at which the grid changes is no multiple of the step.
+        The value at an instant at which the grid changes is the one just after it. `InputError` for another kind of
+        event, or such an instant that is no multiple of the step.
         """
         event = self.event if event is None else event
         if not isinstance(event, GridEvent):
@@ -303,21 +295,11 @@ class PowerSystemSimulator(Simulator):
         return *self._recent_starts.get(model, known, start, theta), h, every
 
     def observe(self, recording: Any, event: Event | None = None) -> Observation:
-        """Bring a recording onto this simulator's channels and the time axis of an event.
+        """Bring a recording onto this simulator's channels and the time axis of an event, its own where not given.
 
-        Its time stamps must be those of the event, with the disturbance at ``event.start``.
-
-        Parameters
-        ----------
-        recording : Recording or Observation
-            Its channels have the names of this simulator's, in pu of the grid's base.
-        event : Event, optional
-            A `GridEvent`; that of this simulator where not given.
-
-        Raises
-        ------
-        InputError
-            If it has none of the channels, one in another unit, or is not a recording.
+        Its channels have the names of this simulator's, in pu of the grid's base, and its time stamps are those of the
+        event, with the disturbance at ``event.start``. `InputError` if it has none of the channels, or one in another
+        unit.
         """
         if isinstance(recording, Observation):
             return recording

@@ -36,21 +36,8 @@ def playback_observation(
     The device starts at an equilibrium, so the angle is taken in a frame that rotates at the mean pre-event frequency:
     the straight line through its quiet part is removed. Where only the frequency was recorded, the angle is its
     integral, :math:`\theta = 2\pi\int (f - f_{pre})\,dt`. Short gaps of the voltage are interpolated, longer ones
-    (`errorscreen.data.resampling.SHORT_GAP`) only before the event, and nothing is compared there.
-
-    See `PlantSimulator` for the arguments. A channel that was not recorded is all NaN. With an impedance, the recorded
-    P and Q are injected as well.
-
-    Raises
-    ------
-    InputError
-        If a needed signal (voltage; angle or frequency; P and Q with an impedance) was not recorded, the voltage has a
-        long gap in the event, or the operating point is unknown.
-
-    Warns
-    -----
-    DataWarning
-        If the operating point is implausible for a generator: the sign, base or column may be wrong.
+    (`errorscreen.data.resampling.SHORT_GAP`) only before the event, and nothing is compared there. With an impedance,
+    the recorded P and Q are injected as well.
     """
     where = f"recording {recording.name!r}"
     if "V" not in recording.channels:

@@ -145,7 +145,7 @@ class PlantSimulator(Simulator):
         return self._short(self.device.name)
 
     def observe(self, recording: Any) -> Observation:
-        """Bring a recording onto this simulator's channels, units (pu) and time grid.
+        """Bring a recording onto this simulator's channels, units (pu) and time grid; see `Simulator.observe`.
 
         The result is kept for each recording, because its uncertainty takes many nominal simulations:
 
@@ -157,14 +157,7 @@ class PlantSimulator(Simulator):
           or half the step changes the response by more than noise does, that change is uncertain
           (`Observation.extra`).
 
-        Parameters
-        ----------
-        recording : Recording or Observation
-
-        Raises
-        ------
-        InputError
-            If it lacks what the injection needs, or is not a recording.
+        `InputError` if the recording lacks what the injection needs.
         """
         if isinstance(recording, Observation):
             return recording
