@@ -85,8 +85,6 @@ def unknown_name(
 ) -> InputError:
     """Build the error for an unknown name, with the nearest matches.
 
-    Examples
-    --------
     >>> print(unknown_name("Xd2", ["Xd", "Xd1", "H"], kind="parameter"))
     unknown parameter 'Xd2' (did you mean 'Xd', 'Xd1'?). Allowed: Xd, Xd1, H.
     """
@@ -99,10 +97,6 @@ def unknown_name(
 def check_integer(value: Any, name: str, *, low: int = 1, high: int | None = None) -> int:
     """Return `value` as int if it is an integer between `low` and `high`, and raise `InputError` otherwise.
 
-    Examples
-    --------
-    >>> check_integer(3, "k", high=10)
-    3
     >>> check_integer(12, "k", high=10)
     Traceback (most recent call last):
     errorscreen.exceptions.InputError: k is 12. Allowed: an integer from 1 to 10.
@@ -125,19 +119,8 @@ def check_real(
 ) -> float:
     """Return `value` as float if it is a finite number in [low, high], and raise `InputError` otherwise.
 
-    Parameters
-    ----------
-    value : object
-    name, where : str
-        For the message.
-    low, high : float
-    above : bool, default False
-        Whether `low` itself is excluded.
+    With `above`, `low` itself is excluded. `name` and `where` are for the message.
 
-    Examples
-    --------
-    >>> check_real(0.3, "step", low=0, above=True)
-    0.3
     >>> check_real(0, "step", low=0, above=True)
     Traceback (most recent call last):
     errorscreen.exceptions.InputError: step is 0. Allowed: a number > 0.

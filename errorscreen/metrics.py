@@ -305,7 +305,6 @@ def _pair(y_sim: ArrayLike, y_meas: ArrayLike) -> tuple[_Array, _Array, NDArray[
 
 
 def _contributions(y_true: ArrayLike, y_pred: ArrayLike) -> tuple[_Array, _Array]:
-    """Both as (n, m)."""
     true, predicted = (np.atleast_2d(np.asarray(y, dtype=float)) for y in (y_true, y_pred))
     if true.shape != predicted.shape or true.ndim != 2 or not true.size:
         problem = f"true contributions of shape {true.shape} and predicted ones of shape {predicted.shape} do not fit"

@@ -284,12 +284,6 @@ def distinct_rows(theta: _Array) -> tuple[_Array, NDArray[np.int64]]:
     """Return the different rows of `theta` (n, m) in order of appearance, and for each row (n,) its number there.
 
     Same as ``np.unique`` with an axis, but faster: a search asks thousands of times.
-
-    Examples
-    --------
-    >>> distinct_rows(np.array([[2.0, 1.0], [1.0, 1.0], [2.0, 1.0]]))
-    (array([[2., 1.],
-           [1., 1.]]), array([0, 1, 0]))
     """
     first: dict[bytes, int] = {}
     number = [first.setdefault(row.tobytes(), k) for k, row in enumerate(theta)]

@@ -199,6 +199,8 @@ def check_calibrator(calibrator: Any, recording: Any) -> None:
     AssertionError
         If the calibrator breaks the contract.
     """
+    from errorscreen.calibration.problem import FitProblem
+
     _check_parameters(calibrator)
     simulator: Simulator = calibrator.simulator
     space = simulator.parameters
@@ -218,17 +220,12 @@ def check_calibrator(calibrator: Any, recording: Any) -> None:
     same = np.array_equal(fitted.predict(observation), expected)
     _require(same, "predict must be the simulation at theta_")
     nominal = clone(calibrator).set_params(simulator=simulator)
-    nominal._store(_problem(nominal, observation), space.subset(names).nominal)
+    problem = FitProblem(nominal.simulator, observation, nominal.names)
+    nominal._store(problem, space.subset(names).nominal)
     better = fitted.score(observation) >= nominal.score(observation) - 1e-9
     _require(better, "the fit must not be worse than no fit")
     again = _fit(clone(calibrator), recording).theta_
     _require(np.array_equal(again, theta), "the same seed must give the same result")
-
-
-def _problem(calibrator: Any, observation: Observation) -> Any:
-    from errorscreen.calibration.problem import FitProblem
-
-    return FitProblem(calibrator.simulator, observation, calibrator.names)
 
 
 def _fit(estimator: Any, recording: Any) -> Any:
@@ -249,6 +246,5 @@ def _check_parameters(estimator: Any) -> None:
     try:
         estimator.set_params(no_such_parameter=1)
     except ValueError:
-        pass
-    else:
-        raise AssertionError("set_params must refuse an unknown name")
+        return
+    raise AssertionError("set_params must refuse an unknown name")

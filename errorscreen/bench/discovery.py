@@ -204,10 +204,7 @@ def search_all(
     kinds: Sequence[str] | None = None,
     **options: Any,
 ) -> Iterator[_Record]:
-    """Search some scenarios in parallel, see `run_scenario`; `kinds` are hidden in turn.
-
-    Rows come in the order in which they finish: a long search must not keep others from being stored.
-    """
+    """Search some scenarios in parallel, see `run_scenario`; rows come in the order in which they finish."""
     found: Iterator[_Record] = Parallel(n_jobs=n_jobs, return_as="generator_unordered")(
         delayed(run_scenario)(
             case, seed, i, noise_db, least_size, kinds[i % len(kinds)] if kinds else None, **options
@@ -300,10 +297,7 @@ def _left(finder: CauseFinder) -> list[float | None]:
 
 
 def _outcome(hidden: Scenario, verdict: str, answers: Sequence[tuple[str, ...]]) -> str:
-    """``"correct"``, ``"wrong"``, ``"unknown"``, ``"missed"`` (explained by parameters) or ``"false alarm"``.
-
-    `answers` are the effects named, and those of a small group that the recordings cannot tell apart.
-    """
+    """``"correct"``, ``"wrong"``, ``"unknown"``, ``"missed"`` (explained by parameters) or ``"false alarm"``."""
     if verdict in ("within-noise", "parameters"):
         return "correct" if hidden.kind == "nothing" else "missed"
     if hidden.kind == "nothing":

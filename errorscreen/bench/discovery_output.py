@@ -93,11 +93,7 @@ def _counts(counts: dict[str, dict[str, int]]) -> list[list[Any]]:
 
 
 def by_size(result: dict[str, Any]) -> list[dict[str, Any]]:
-    """Outcomes of single effects and measurement faults by size.
-
-    Each entry has the limits ``low`` and ``high`` of the size in multiples of the noise, its ``median``, ``n``, and the
-    shares ``correct``, ``wrong``, ``unknown`` and ``missed`` in the form of `rate_of`.
-    """
+    """Outcomes of single effects and measurement faults by size in multiples of the noise."""
     rows = [r for r in result["scenarios"] if r["truth"]["kind"] in ("effect", "other form", "measurement")]
     found = []
     for low, high in pairwise(_SIZES):

@@ -24,14 +24,12 @@ def summarise(rows: Sequence[_Record]) -> dict[str, Any]:
     def of_kind(*kinds: str) -> list[_Record]:
         return [r for r in rows if r["truth"]["kind"] in kinds]
 
-    single, outside, both = (
-        of_kind("effect", "other form", "measurement"),
-        of_kind("outside"),
-        of_kind("two effects"),
-    )
+    single, both = of_kind("effect", "other form", "measurement"), of_kind("two effects")
+    outside = of_kind("outside")
     places = [(r["place"] or {}, r["truth"]) for r in outside]
     devices = [place.get("device") == truth["device"] for place, truth in places]
     ports = [place.get("port") == truth["place"] for place, truth in places]
+    intervals = [(found["true"], found["interval"]) for r in rows for found in r.get("intervals", [])]
     rates = {
         **{outcome: rate_of([r["outcome"] == outcome for r in single]) for outcome in OUTCOMES},
         "false_alarm": rate_of([r["outcome"] == "false alarm" for r in of_kind("nothing")]),
@@ -40,7 +38,7 @@ def summarise(rows: Sequence[_Record]) -> dict[str, Any]:
         "outside_port": rate_of([d and p for d, p in zip(devices, ports, strict=True)]),
         "both_found": rate_of([r["outcome"] == "correct" for r in both]),
         "both_wrong": rate_of([not set(r["named"]) <= set(r["truth"]["right"]) for r in both]),
-        "interval_holds": rate_of([_holds(found) for r in rows for found in r.get("intervals", [])]),
+        "interval_holds": rate_of([bool(low <= true <= high) for true, (low, high) in intervals]),
     }
     hiding = [r for r in rows if r["truth"]["kind"] != "nothing"]
     by_device = {
@@ -67,23 +65,12 @@ def _counts(rows: Sequence[_Record], outcomes: Sequence[str]) -> dict[str, int]:
 
 
 def rate_of(hits: Sequence[bool]) -> dict[str, Any]:
-    """Share of hits: ``value``, exact binomial 95 % ``interval`` and ``n``; None of no trials.
-
-    Examples
-    --------
-    >>> rate_of([True, True, False, True])["value"]
-    0.75
-    """
+    """Share of hits: ``value``, exact binomial 95 % ``interval`` and ``n``; None of no trials."""
     if not hits:
         return {"value": None, "interval": None, "n": 0}
     # exact: a bootstrap of rates of 0 or 1 has no width
     interval = binomtest(sum(hits), len(hits)).proportion_ci(_LEVEL)
     return {"value": float(np.mean(hits)), "interval": [interval.low, interval.high], "n": len(hits)}
-
-
-def _holds(found: _Record) -> bool:
-    low, high = found["interval"]
-    return bool(low <= found["true"] <= high)
 
 
 def _ratio(rows: Sequence[_Record], above: str, below: str, quantile: float = 0.5) -> float | None:

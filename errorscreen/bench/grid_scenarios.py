@@ -24,10 +24,7 @@ _Array = NDArray[np.float64]
 def draw_grid_scenario(
     seed: Any, noise_db: float, *, kind: str | None = None, device: str | None = None, **sizes: Any
 ) -> Scenario:
-    """Draw one scenario with the case study's three events to fit and all others to judge on.
-
-    The kind is drawn where not given. For `noise_db` see `Setting`, for `sizes` `draw_scenario`.
-    """
+    """Draw one scenario with the case study's three events to fit and all others to judge on."""
     rng = np.random.default_rng(seed)
     drawn = draw_kind(rng)
     kind = kind or drawn

@@ -66,10 +66,7 @@ def measure_labels() -> dict[str, Any]:
 
 
 def label_run(step: float, samples: int) -> dict[str, Any]:
-    """Time `generate_dataset` on the 39-bus system in this process, without imports and compilation.
-
-    The result has ``simulations``, ``seconds``, ``threads``, and ``peak_gib`` of the whole process.
-    """
+    """Time `generate_dataset` on the 39-bus system in this process, without imports and compilation."""
     import numba
 
     system = load_ieee39(step=step)
@@ -90,10 +87,9 @@ def label_run_in_new_process(step: float, samples: int) -> dict[str, Any]:
 
 
 def label_scaling() -> list[dict[str, float]]:
-    """Seconds of `generate_dataset` at a step of 5 ms by the number of simulations, about `SIZES`.
+    """Seconds of `generate_dataset` at a step of 5 ms for about `SIZES` simulations, exactly multiples of 41.
 
-    Each ``n`` is the exact number, a multiple of 41. Small numbers take the best of three rounds, because a hiccup of
-    the machine would count there.
+    Small numbers take the best of three rounds, because a hiccup of the machine would count there.
     """
     cost, growth = len(load_ieee39().parameters) + 1, []
     for size in SIZES:
@@ -103,13 +99,7 @@ def label_scaling() -> list[dict[str, float]]:
 
 
 def exponent(growth: list[dict[str, float]]) -> float:
-    """Exponent p of the power law seconds ~ n^p, fitted in logarithms.
-
-    Examples
-    --------
-    >>> round(exponent([{"n": n, "seconds": 0.1 * n**1.5} for n in (10, 20, 50)]), 6)
-    1.5
-    """
+    """Exponent p of the power law seconds ~ n^p, fitted in logarithms."""
     n, seconds = np.log([[row["n"], row["seconds"]] for row in growth]).T
     return float(np.polyfit(n, seconds, 1)[0])
 
@@ -132,8 +122,7 @@ def measure_andes() -> dict[str, Any] | None:
 def andes_run(step: float | None, runs: int) -> dict[str, Any]:
     """Time the New England system in ANDES: 5 s with a fault at bus 3 from 1.0 to 1.1 s; the best of several runs.
 
-    Only the integration counts, not reading, set-up, load flow and initialisation. `step` is a fixed step in seconds,
-    that of ANDES where None.
+    Only the integration counts. `step` is a fixed step in seconds, that of ANDES where None.
     """
     import andes
 

@@ -7,15 +7,7 @@ from typing import Any
 
 
 def table_lines(titles: Sequence[Any], rows: Iterable[Sequence[Any]]) -> list[str]:
-    r"""Lines of a Markdown table.
-
-    Examples
-    --------
-    >>> print(*table_lines(("", "rate"), [("right", 0.5)]), sep="\n")
-    | | rate |
-    |---|---|
-    | right | 0.5 |
-    """
+    """Lines of a Markdown table."""
     return [_line(titles), "|" + "---|" * len(titles), *map(_line, rows)]
 
 

@@ -285,7 +285,6 @@ def _overlap(values: _Array, resampled: NDArray[np.int64]) -> dict[str, Any]:
 
 
 def _gains(table: _Draw, k: int, resampled: NDArray[np.int64]) -> dict[str, Any]:
-    """Reductions by the k-th calibration."""
     gains = reduction(table["before"], table["errors"][:, k])  # (draws, events, R)
     measured = reduction(table["measured_before"], table["measured"][:, k])
     failed = np.isnan(gains).any(axis=-1)

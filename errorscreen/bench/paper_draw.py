@@ -84,18 +84,7 @@ class Effort:
 
 @dataclass(frozen=True)
 class Setting:
-    """Common settings of all draws.
-
-    Parameters
-    ----------
-    seed : int
-    noise_db : float or None
-        Level of the response's deviation from its value before the event over that of the noise, both rms, in
-        decibels, for each channel and event; None is without noise.
-    effort : Effort
-    simulator : PowerSystemSimulator
-        Model to calibrate.
-    """
+    """Common settings of all draws; `noise_db` as in `errorscreen.bench.scenarios.draw_scenario`, None for no noise."""
 
     seed: int
     noise_db: float | None
@@ -109,9 +98,9 @@ class Setting:
         held_out = [name for name in events if name not in FIT_EVENTS]
         return {name: events[name] for name in (*FIT_EVENTS, *held_out)}
 
-    def streams(self, draw: int, n: int) -> list[np.random.SeedSequence]:
-        """Independent seeds of one draw."""
-        return np.random.SeedSequence(self.seed, spawn_key=(draw,)).spawn(n)
+    def streams(self, draw: int) -> list[np.random.SeedSequence]:
+        """Independent seeds of one draw: of its parameters, of its noise, and of the searches."""
+        return np.random.SeedSequence(self.seed, spawn_key=(draw,)).spawn(3)
 
 
 def step_error(setting: Setting) -> dict[str, _Array]:
@@ -143,7 +132,7 @@ def hidden(setting: Setting, draw: int, step_errors: dict[str, _Array], names: I
     """Draw parameters, uniform inside the bounds, and measure the named events."""
     fine = load_ieee39(step=TRUE_STEP, n_threads=1)
     lower, upper = fine.parameters.bounds.T
-    for_theta, for_noise, _ = setting.streams(draw, 3)
+    for_theta, for_noise, _ = setting.streams(draw)
     theta = np.random.default_rng(for_theta).uniform(lower, upper)
     noise_streams = dict(zip(setting.events, for_noise.spawn(len(setting.events)), strict=True))
     truths, observations = {}, {}
@@ -187,22 +176,14 @@ def run_draw(
     """Rank, calibrate and judge one hidden draw.
 
     `cnn` are the contributions (m,) by the network from the error of the calibration event, `step_errors` those of
-    `step_error`. Arrays of the result follow the order of `RANKINGS`, `CALIBRATED` (fits) and `Setting.events`:
-
-    - ``theta`` and ``label`` (m,), the truth;
-    - ``contributions`` (rankings, m) and ``overlap`` (rankings,) with the label of the calibration event;
-      ``overlap_three``, of the attribution on three events with their mean label; ``expected_overlap`` (2,), by the
-      attribution on one event and on three;
-    - ``calibrated`` (fits, m); ``before`` (events, R) and ``errors`` (fits, events, R), equation (23) against the true
-      response; ``measured_before`` (R,) and ``measured`` (fits, R), the same against the recording that is fitted;
-    - of the fits of all parameters on one event and on three: ``chi2`` and ``objective`` (2, 2), χ²/N and χ² + prior of
-      the fit and of the truth; ``covered`` and ``identifiable`` (2, m), ``converged`` and ``starts`` (2,);
-    - ``simulations`` and ``seconds`` (fits, 2), of ranking and of calibration.
+    `step_error`. Arrays of the result follow the order of `RANKINGS`, `CALIBRATED` (fits) and `Setting.events`;
+    ``errors`` (fits, events, R) is equation (23) against the true response, and ``measured`` (fits, R) against the
+    recording that is fitted.
     """
     simulator = setting.simulator
     found = hidden(setting, draw, step_errors, setting.events)
     one, three = ([found.observations[name] for name in FIT_EVENTS[:k]] for k in (1, 3))
-    seeds = [int(s.generate_state(1)[0]) for s in setting.streams(draw, 3)[2].spawn(3)]
+    seeds = [int(s.generate_state(1)[0]) for s in setting.streams(draw)[2].spawn(3)]
     on_one, on_three = (_fit_all(setting, recordings, found.theta, seeds) for recordings in (one, three))
     labels = [contribution_labels(simulator, found.theta, o.event)[0] for o in three]
     label, label_three = labels[0], np.mean(labels, axis=0)

@@ -32,20 +32,7 @@ _Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class GridSide:
-    """Event at the terminal of a plant.
-
-    Parameters
-    ----------
-    name : str
-    depth, duration : float
-        Voltage dip in pu and s.
-    step : float
-        Lasting change of the voltage in pu.
-    swing, swing_frequency : float
-        Swing of the angle in rad and Hz.
-    offset : float
-        Lasting deviation of the frequency in Hz.
-    """
+    """Event at the terminal of a plant: a dip and a lasting step (pu), a swing (rad, Hz), a frequency offset (Hz)."""
 
     name: str
     depth: float = 0.0
@@ -81,11 +68,7 @@ HELD_OUT = (
 def draw_plant_scenario(
     seed: Any, noise_db: float, *, kind: str | None = None, device: str | None = None, **sizes: Any
 ) -> Scenario:
-    """Draw one scenario; kind and device are drawn where not given. For `sizes` see `draw_scenario`.
-
-    `noise_db` is the level of each channel's deviation from its value before the event over that of the noise, both
-    rms.
-    """
+    """Draw one scenario; kind and device are drawn where not given. See `draw_scenario` for the sizes."""
     rng = np.random.default_rng(seed)
     drawn_kind, drawn_device = draw_kind(rng), str(rng.choice(list(OTHER_FORMS)))
     kind, device = kind or drawn_kind, device or drawn_device
@@ -133,7 +116,6 @@ def _mechanisms(device: str) -> list[Effect]:
 
 
 def _faults(device: str) -> tuple[Effect, ...]:
-    """Measurement faults."""
     return (*measurement_effects(DEVICES[device].outputs), common_skew())
 
 

@@ -47,31 +47,9 @@ _Recorded = tuple[list[Observation], Simulator, list[_Array], list[float]]
 class Scenario:
     """A hidden truth and its recordings.
 
-    Parameters
-    ----------
-    kind : str
-        Of `MIX`.
-    device : str
-        Device of the first hidden effect; of a plant the plant itself.
-    effects : tuple of str
-        Names of the library that are right; empty where it has none.
-    hidden : tuple of str
-        Names of the hidden effects.
-    place : str
-        Port or channel of the first hidden effect.
-    size : float
-        Smallest size of a hidden effect, in multiples of the noise, see `surviving`; 0 where nothing is hidden.
-    theta : ndarray of shape (m,)
-    simulator : Simulator
-        Model to fit, without the hidden effects.
-    recordings, held_out : tuple of Observation
-        To fit, and to judge on.
-    truths : tuple of ndarray of shape (R, L)
-        Responses to the held-out events without noise.
-    structure : tuple of str
-        Hidden effects of the library; empty where one has another form.
-    values : ndarray
-        Parameters of the hidden effects, one effect after the other.
+    `effects` names effects of the library that are right, `hidden` the hidden ones, of which those of the library are
+    the `structure`; `values` are their parameters. `size` is the smallest of theirs, see `surviving`. `simulator` is
+    the model to fit, and `truths` (R, L) are the responses to the held-out events without noise.
     """
 
     kind: str
@@ -93,20 +71,10 @@ class Scenario:
 class Setup:
     """Common parts of the scenarios of one case.
 
-    Parameters
-    ----------
-    truth : Simulator
-        With all effects of the library and of `errorscreen.bench.hidden_effects`.
-    events : sequence of Event
-        To fit, then to judge on, on the time axis of the truth.
-    n_fit : int
-        Number of events to fit.
-    every : int
-        One of so many samples of the truth is recorded.
-    hide : callable
-        ``hide(kind, device, rng)`` draws hidden effects and the names that are right.
-    record : callable
-        ``record(responses, noise_db, seed)`` gives an observation of each event and the simulator to fit.
+    `truth` has all effects of the library and of `errorscreen.bench.hidden_effects`. Of `events`, `n_fit` are to fit
+    and the others to judge on; one of `every` samples is recorded. ``hide(kind, device, rng)`` draws hidden effects
+    and the names that are right, and ``record(responses, noise_db, seed)`` gives observations and the simulator to
+    fit.
     """
 
     truth: Simulator
@@ -132,10 +100,7 @@ def draw_kind(rng: np.random.Generator, mix: Sequence[tuple[str, float]] = MIX) 
 
 
 def draw_values(effect: Effect, rng: np.random.Generator) -> _Array:
-    """Draw parameters from the middle of their ranges, wide ranges by order of magnitude.
-
-    A strength has either sign where both are allowed.
-    """
+    """Draw parameters from the middle of their ranges, wide ones by order of magnitude, strengths of either sign."""
     values = []
     for j, p in enumerate(effect.parameters):
         if j == 0:
@@ -168,12 +133,8 @@ def draw_scenario(
     """Draw hidden effects until each has at least the size `least_size`, and record them.
 
     With `largest_size`, strengths are scaled to sizes drawn between the two, evenly by order of magnitude. `device` is
-    where the first effect is hidden, drawn where it is None.
-
-    Raises
-    ------
-    InputError
-        If the kind is not known, not 0 < `least_size` < `largest_size`, or no effect drawn is large enough.
+    where the first effect is hidden, drawn where it is None. `noise_db` is the level of each channel's deviation from
+    its value before the event over that of the noise, both rms.
     """
     if kind not in dict(MIX):
         raise unknown_name(kind, dict(MIX), kind="kind")
@@ -212,13 +173,13 @@ def draw_scenario(
             structure=right if kind in HELD else (),
             values=np.concatenate([np.zeros(0), *own]),
         )
-    raise too_small(TRIES, "", least_size, noise_db)
+    raise too_small("", least_size, noise_db)
 
 
-def too_small(tries: int, where: str, least: float, noise_db: float) -> InputError:
+def too_small(where: str, least: float, noise_db: float) -> InputError:
     """Error of draws without a large enough effect."""
     return InputError(
-        f"none of {tries} effects drawn{where} is at least {least:g} times the noise at {noise_db:g} dB",
+        f"none of {TRIES} effects drawn{where} is at least {least:g} times the noise at {noise_db:g} dB",
         allowed="less noise, or a smaller least size",
     )
 
@@ -258,8 +219,8 @@ class _Hidden:
     ) -> tuple[Sequence[_Array], _Recorded | None]:
         """Scale strengths until the effects have the sizes `aims`, and record them; None where that fails.
 
-        The size of most effects is proportional to a small strength. Others act beyond a threshold only, so strengths
-        are bracketed too.
+        The size of most effects is proportional to a small strength; others act beyond a threshold, so strengths are
+        bracketed too.
         """
         below, above = np.zeros(len(aims)), np.full(len(aims), np.inf)
         for _ in range(_SCALINGS):
@@ -333,16 +294,10 @@ def _bound(
 def surviving(
     simulator: Simulator, theta: _Array, observations: Sequence[Observation], change: Sequence[_Array]
 ) -> float:
-    """Size of a change of the responses: the part that a refit of all parameters leaves, in multiples of the noise.
+    """Size of a change (R, L) of the responses: the part that a refit leaves, in multiples of the noise.
 
-    The simulator is fitted to its own responses (R, L) with the `change` and without noise, by a local search that
-    begins at `theta` (m,). The size is the largest rms of the residuals after the event over all channels and
-    recordings. Another minimum may leave less.
-
-    Raises
-    ------
-    SimulationError
-        If `theta` cannot be simulated.
+    It is the largest rms of the residuals after the event, over all channels and recordings, in a local minimum near
+    `theta` (m,). `SimulationError` if `theta` cannot be simulated.
     """
     changed = []
     for o, c in zip(observations, change, strict=True):

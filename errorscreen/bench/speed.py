@@ -95,9 +95,9 @@ def measure_speed(out: str | Path, *, cnn: bool = True, labels: bool = True) -> 
     return result
 
 
-def dip_event(seconds: float = 5.0, rate: float = 60.0) -> Playback:
+def dip_event(seconds: float = 5.0) -> Playback:
     """Voltage dip of 0.15 s with a swing of the angle, sampled as by a phasor measurement unit."""
-    time = np.arange(0, seconds, 1 / rate)
+    time = np.arange(0, seconds, 1 / 60.0)
     low = (time > 1.0) & (time < 1.15)
     angle = np.where(time > 1.0, 0.25 * np.sin(5.0 * (time - 1.0)) * np.exp(-(time - 1.0) / 2), 0.0)
     signals = {"V": np.where(low, 0.45, 1.0), "angle": angle}
@@ -131,11 +131,7 @@ def first_use_seconds(device: str) -> tuple[float, float]:
 
 
 def cwt_speed(n_signals: int = 256, n_samples: int = 501) -> dict[str, float]:
-    """Speed of the wavelet energy on 64 scales, against one call of `pywt.cwt` for each signal.
-
-    `pywt.cwt` runs both methods in float32 and float64, of which the fastest counts. The transformer has its default
-    settings and a thread for each core.
-    """
+    """Speed of the wavelet energy on 64 scales, against one call of `pywt.cwt` for each signal at its fastest."""
     import pywt
 
     from errorscreen.features import CWTTransformer

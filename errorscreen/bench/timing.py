@@ -34,20 +34,7 @@ def best_seconds(call: Callable[[], Any]) -> float:
 
 
 def in_new_process(code: str, **environment: str) -> str:
-    """Last line that `code` prints in a new Python process, which finds the same packages as this one.
-
-    Its stderr is shown, so that a failure explains itself. `environment` are variables that differ from this process.
-
-    Raises
-    ------
-    subprocess.CalledProcessError
-        If the code fails.
-
-    Examples
-    --------
-    >>> in_new_process("print('one'); print('two')")
-    'two'
-    """
+    """Last line that `code` prints in a new Python process, which finds the same packages as this one."""
     path = os.pathsep.join(entry or os.getcwd() for entry in sys.path)
     done = subprocess.run(
         [sys.executable, "-c", code],

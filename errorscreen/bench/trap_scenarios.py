@@ -31,22 +31,12 @@ _STEPS = 4
 _SPILL = 19.0 * _STEPS / 0.25
 
 _Array = NDArray[np.float64]
-
-
 _Values = tuple[float, ...]
 
 
 @dataclass(frozen=True)
 class Hidden:
-    """One mechanism of a trap.
-
-    Parameters
-    ----------
-    effect : str
-        Effect of the library that is right.
-    draw : callable
-        ``draw(rng)`` gives the mechanism's values for `Trap.truth` and those of the library's effect.
-    """
+    """Mechanism of a trap: the right `effect`, and ``draw(rng)`` of values for `Trap.truth` and of the effect's own."""
 
     effect: str
     draw: Callable[[np.random.Generator], tuple[_Values, _Values]]
@@ -56,25 +46,8 @@ class Hidden:
 class Trap:
     """A system and the mechanisms that may be hidden in it.
 
-    Parameters
-    ----------
-    rhs : callable
-        Equations of the model to fit.
-    states, inputs, outputs : tuple of str
-    parameters : tuple of (str, float)
-        Names and nominal values.
-    dt : float
-        Seconds between samples.
-    hold : bool
-        Whether inputs are held between samples.
-    initial : mapping of str to float
-    inflow : callable
-        ``inflow(rng)`` draws an input (L,).
-    truth : callable
-        ``truth(u, dt, *parameters, *values)``, of `trap_truths`.
-    nothing : tuple
-        Its values where nothing is hidden.
-    hidden : tuple of Hidden
+    ``inflow(rng)`` draws an input (L,), and ``truth(u, dt, *parameters, *values)`` of `trap_truths` gives the output,
+    with the values `nothing` where nothing is hidden.
     """
 
     rhs: Callable[..., None]
@@ -230,19 +203,7 @@ def draw_trap_scenario(
     device: str | None = None,
     least_size: float = LEAST_SIZE,
 ) -> Scenario:
-    """Draw a trap with one hidden mechanism or none, and record three events, the last of which is held out.
-
-    Parameters
-    ----------
-    seed : int, SeedSequence or Generator
-    noise_db : float
-        Level of the output's deviation from its first value over that of the noise, both rms.
-    kind : {"nothing", "effect"}, optional
-    device : str, optional
-        Key of `TRAPS`; both are drawn where not given.
-    least_size : float
-        Smaller effects are drawn again, together with the inputs.
-    """
+    """Draw a trap with one hidden mechanism or none, and record three events, the last of which is held out."""
     rng = np.random.default_rng(seed)
     drawn, name = draw_kind(rng, TRAP_MIX), str(rng.choice(list(TRAPS)))
     kind, name = kind or drawn, device or name
@@ -258,7 +219,8 @@ def draw_trap_scenario(
         inputs = [trap.inflow(rng) for _ in range(_FITTED + 1)]
         values, own = hidden.draw(rng) if hidden else (trap.nothing, ())
         clean = [trap.truth(u, trap.dt, *theta, *values) for u in inputs]
-        sigma = _level(clean) * 10 ** (-noise_db / 20)
+        level = float(np.sqrt(np.mean([np.mean((y - y[0]) ** 2) for y in clean])))
+        sigma = level * 10 ** (-noise_db / 20)
         observations, simulator = _record(trap, inputs, clean, sigma, rng)
         fitted, size = observations[:_FITTED], 0.0
         if hidden:
@@ -273,12 +235,7 @@ def draw_trap_scenario(
             tuple(fitted), tuple(observations[_FITTED:]), tuple(y[None] for y in clean[_FITTED:]), right,
             np.array(own, dtype=float),
         )  # fmt: skip
-    raise too_small(TRIES, f" in the trap {name!r}", least_size, noise_db)
-
-
-def _level(responses: Sequence[_Array]) -> float:
-    """Rms deviation from the first value."""
-    return float(np.sqrt(np.mean([np.mean((y - y[0]) ** 2) for y in responses])))
+    raise too_small(f" in the trap {name!r}", least_size, noise_db)
 
 
 def _record(

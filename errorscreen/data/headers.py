@@ -44,18 +44,11 @@ def guess_time(headers: Iterable[str]) -> tuple[str | None, str | None]:
 
 
 def guess_columns(headers: Iterable[str], source: str) -> dict[str, Column]:
-    """Map headers to channels where their names leave no doubt.
-
-    A header is the name of a channel (``V``, ``angle``, ``f``, ``P``, ``Q``: in pu, rad, Hz, pu, pu) or a usual
-    spelling with a unit: ``P [MW]``, ``Q (Mvar)``, ``voltage in kV``, ``angle/deg``, ``V_mag_pu``. `InputError` if no
-    header is, several name the same channel, or a unit is not clear.
-    """
+    """Map headers to channels where their names, such as ``P [MW]`` or ``angle/deg``, leave no doubt."""
     headers = list(headers)
     found: dict[str, Column] = {}
-    problem, allowed = (
-        "no column names a channel",
-        "V, angle, f, P, Q, or usual names with a unit, as 'P [MW]'",
-    )
+    problem = "no column names a channel"
+    allowed = "V, angle, f, P, Q, or usual names with a unit, as 'P [MW]'"
     for header in headers:
         role, unit = _read_header(header)
         if role is None or role == "time":

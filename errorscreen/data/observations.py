@@ -190,7 +190,7 @@ class Observation(Displayed):
         return [with_unit(self.channels[r], self.units[r]) for r in np.flatnonzero(rows)]
 
     def curves(self, responses: Mapping[str, ArrayLike], rows: NDArray[np.bool_]) -> Curves:
-        """Return what a figure shows of some channels, which a mask (R,) selects, and of responses (R, L)."""
+        """Curves of some channels, which a mask (R,) selects, and of responses (R, L), for a figure."""
         if not rows.any():
             raise InputError("no channel was measured", where=self.event.name, allowed="at least one value")
         simulated = {label: np.asarray(values, dtype=float) for label, values in responses.items()}

@@ -73,10 +73,7 @@ def quiet_part(time: _Array, start: float, where: str) -> tuple[float, float]:
 def check_rest(
     time: _Array, values: Mapping[str, _Array], quiet: tuple[float, float], notes: list[str], where: str
 ) -> None:
-    """Look for an earlier event in the quiet part: warn of a small one, and refuse one above `CLEAR_MOVE`.
-
-    A small one may be a switching or an ambient swing.
-    """
+    """Warn of a small earlier event in the quiet part, perhaps a switching, and refuse one above `CLEAR_MOVE`."""
     for name in (k for k in ("V", "P", "Q") if k in values):
         keep = np.isfinite(values[name])
         t, x = time[keep], values[name][keep]
@@ -113,10 +110,7 @@ def check_response(time: _Array, start: float, where: str) -> None:
 
 
 def treat_held(time: _Array, values: dict[str, _Array], held: str, notes: list[str]) -> dict[str, float]:
-    """Replace stale repeats of held channels by NaN, in place, unless `held` is ``"keep"``.
-
-    The result is the number of seconds for which the meter holds a reading, by channel.
-    """
+    """Replace stale repeats by NaN, in place, unless `held` is ``"keep"``; returns the seconds held, by channel."""
     ages = {}
     for name, array in values.items():
         hold = signals.hold_length(array)
@@ -182,10 +176,7 @@ def noise_of_signal(name: str, time: _Array, values: _Array, start: float) -> tu
 
 
 def warn_implausible(V: float, where: str) -> list[str]:
-    """Warn of a voltage before the event that suggests a wrong unit or base.
-
-    No power is implausible: a line of a grid carries many times the base.
-    """
+    """Warn of a voltage before the event that suggests a wrong unit or base."""
     if PLAUSIBLE_V[0] <= V <= PLAUSIBLE_V[1]:
         return []
     note = Doubt(f"V before the event is {V:.3g} pu: check its unit and base_kv.")

@@ -55,27 +55,9 @@ def interpolate(
 ) -> NDArray[np.float64]:
     """Bring readings onto a grid by linear interpolation.
 
-    A gap longer than `max_gap` stays NaN, and so does the time before the first and after the last reading. For a grid
-    coarser than two readings the signal first passes a Gaussian low-pass of half a grid step (a factor 0.29 at the
-    grid's Nyquist frequency, no delay and no overshoot), so that faster content does not fold back.
-
-    Parameters
-    ----------
-    time, values : array-like of shape (L,)
-        Seconds, increasing; NaN for gaps.
-    grid : array-like of shape (K,)
-        Seconds, increasing.
-    max_gap : float, optional
-        Longest gap that is interpolated, in seconds; five times the median distance of readings where not given.
-
-    Returns
-    -------
-    ndarray of shape (K,)
-
-    Examples
-    --------
-    >>> interpolate([0.0, 1.0, 2.0, 9.0], [0.0, 2.0, 4.0, 4.0], [0.5, 1.0, 1.5, 5.0, 9.0])
-    array([ 1.,  2.,  3., nan,  4.])
+    A gap longer than `max_gap` seconds, by default five median distances, stays NaN, and so does the time before the
+    first and after the last reading. For a grid coarser than two readings the signal first passes a Gaussian low-pass
+    of half a grid step (a factor 0.29 at the grid's Nyquist frequency), so that faster content does not fold back.
     """
     t, x, grid = (np.asarray(a, dtype=float) for a in (time, values, grid))
     keep = np.isfinite(x)
@@ -84,7 +66,11 @@ def interpolate(
         return np.full(grid.shape, np.nan)
     distance = spacing(t, x)
     step = float(np.median(np.diff(grid))) if len(grid) > 1 else 0.0
-    source, signal = _smoothed(t, x, step, distance) if low_pass_needed(step, distance) else (t, x)
+    source, signal = t, x
+    if low_pass_needed(step, distance):
+        fine = step / np.ceil(step / distance)
+        source = t[0] + fine * np.arange(int(np.ceil((t[-1] - t[0]) / fine)) + 1)
+        signal = gaussian_filter1d(np.interp(source, t, x), 0.5 * step / fine, mode="nearest")
     out = np.interp(grid, source, signal)
     # rounding must not turn the first or last instant, or one beside a long gap, into a gap
     tolerance = 1e-6 * min(distance, step) if step > 0 else 0.0
@@ -94,12 +80,3 @@ def interpolate(
     gap = (after - before > longest * (1 + 1e-9)) | (grid < t[0] - tolerance) | (grid > t[-1] + tolerance)
     out[gap] = np.nan
     return out
-
-
-def _smoothed(
-    t: NDArray[np.float64], x: NDArray[np.float64], step: float, distance: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return a uniform grid as fine as the readings, and the signal on it after the low-pass of half a `step`."""
-    fine = step / np.ceil(step / distance)
-    source = t[0] + fine * np.arange(int(np.ceil((t[-1] - t[0]) / fine)) + 1)
-    return source, gaussian_filter1d(np.interp(source, t, x), 0.5 * step / fine, mode="nearest")

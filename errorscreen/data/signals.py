@@ -88,27 +88,11 @@ def scatter(time: ArrayLike, values: ArrayLike) -> float:
 
 
 def correlation_time(*rows: ArrayLike) -> float:
-    r"""Integrated autocorrelation time of noise, in samples.
+    r"""Integrated autocorrelation time of noise in samples, at least 1, pooled over rows (L,) with zero mean.
 
     .. math:: \tau = 1 + 2 \sum_{l \ge 1} \rho_l
 
     summed up to the first correlation that is not positive. n samples tell as much as n / τ independent ones.
-
-    Parameters
-    ----------
-    *rows : array-like of shape (L,)
-        Channels with zero mean, pooled; NaN in gaps.
-
-    Returns
-    -------
-    float
-        At least 1; 1 for white noise and for too few values.
-
-    Examples
-    --------
-    >>> white = np.random.default_rng(0).standard_normal(4000)
-    >>> 1.0 <= correlation_time(white) < 1.2 and 7 < correlation_time(np.convolve(white, np.ones(8), "valid")) < 9
-    True
     """
     values = [np.nan_to_num(np.asarray(row, dtype=float)) for row in rows]
     longest = max(map(len, values), default=0)
@@ -279,8 +263,7 @@ def detect_event(
 def _moves_at_once(values: _Array, least: float) -> bool:
     """Whether the signal leaves its first three readings while the quiet band is still drawn from later ones.
 
-    It must do so by a fifth of its largest excursion and six times the noise, which differences of neighbours show
-    without a quiet part.
+    It must do so by a fifth of its largest excursion and six times the noise, which differences of neighbours show.
     """
     x = values[np.isfinite(values)]
     if len(x) < 2 * MIN_QUIET:

@@ -22,10 +22,7 @@ MISSING = (
 
 @dataclass(frozen=True)
 class Table:
-    """Columns by header, each with the same number of rows, and the number of each row in its source.
-
-    `source` and `row_word` are for messages, for example ``"file rec.csv"`` and ``"line"``.
-    """
+    """Columns by header, and the number of each row in its source; `source` and `row_word` are for messages."""
 
     columns: Mapping[str, Any]
     rows: Sequence[int]

@@ -74,7 +74,7 @@ def order_samples(
     """Bring samples into strictly increasing time, and write a note on each repair.
 
     Where time runs backwards, `on_backward` is ``"error"``, ``"sort"`` by time, or ``"drop"`` as few samples as
-    possible. More than a tenth of stamps with several different readings are refused.
+    possible.
     """
     if on_backward not in ON_BACKWARD:
         raise unknown_name(str(on_backward), ON_BACKWARD, kind="value of on_backward", where=table.source)

@@ -163,7 +163,9 @@ def convert(role: str, numbers: _Array, spec: Column, bases: Bases, where: str) 
     if role == "angle":
         return np.deg2rad(numbers) if unit == "deg" else numbers
     if role == "f":
-        return _frequency(numbers, unit, bases.hz)
+        factors = {"Hz": 1.0, "mHz": 1e-3, "pu": bases.hz, "rad/s": 0.5 / np.pi}
+        quantity, _, deviation = unit.partition(" ")
+        return factors[quantity] * numbers + (bases.hz if deviation else 0.0)
     return numbers
 
 
@@ -178,12 +180,6 @@ def _voltage_factor(unit: str, spec: Column, bases: Bases, where: str) -> float:
         )
     kv = (spec.base or bases.kv) if unit == "pu" else _VOLTS[unit] / 1e3
     return kv * (float(np.sqrt(3.0)) if spec.line_neutral else 1.0) / bases.kv
-
-
-def _frequency(numbers: _Array, unit: str, nominal: float) -> _Array:
-    factors = {"Hz": 1.0, "mHz": 1e-3, "pu": nominal, "rad/s": 0.5 / np.pi}
-    quantity, _, deviation = unit.partition(" ")
-    return factors[quantity] * numbers + (nominal if deviation else 0.0)
 
 
 def unwrap(angle: _Array) -> _Array:

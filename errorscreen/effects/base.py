@@ -38,13 +38,7 @@ def strength(
     name: str, typical: float, upper: float, unit: str, of: str, symbol: str, description: str,
     lower: float = 0.0, scale: float | None = None,
 ) -> Parameter:  # fmt: skip
-    """First parameter of an effect, which is the identity at 0; see `value` for the others.
-
-    Examples
-    --------
-    >>> strength("K", 100.0, 400.0, "pu", "exciter", "K", "gain").lower
-    0.0
-    """
+    """First parameter of an effect, which is the identity at 0; see `value` for the others."""
     return value(name, typical, lower, upper, unit, of, symbol, description, scale)
 
 
@@ -52,15 +46,7 @@ def value(
     name: str, typical: float, lower: float, upper: float, unit: str, of: str, symbol: str, description: str,
     scale: float | None = None,
 ) -> Parameter:  # fmt: skip
-    """Parameter of an effect. Where only its range is known, its scale is wide.
-
-    The prior's standard deviation is 0.3 times `scale`.
-
-    Examples
-    --------
-    >>> value("TE", 0.1, 0.0, 1.5, "s", "exciter", "T_E", "time constant").scale
-    3.0
-    """
+    """Parameter of an effect, with a prior of 0.3 times `scale`, which is wide where only the range is known."""
     scale = _SCALE * (upper - lower) if scale is None else scale
     return Parameter(name, typical, lower, upper, unit, of, symbol, description, scale=scale)
 

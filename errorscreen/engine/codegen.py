@@ -84,11 +84,7 @@ def integrate(
 
 @dataclass(frozen=True)
 class Layout:
-    """Rows of the buffer: states, derivatives, start values, sums, constants, tables, signals.
-
-    States of switches lie behind the others, in the order of `Model.gated`. Tables have rows as well, because each
-    simulation can have its own.
-    """
+    """Rows of the buffer: states (switched ones last), derivatives, start values, sums, constants, tables, signals."""
 
     rows: dict[str, int]
     states: tuple[str, ...]

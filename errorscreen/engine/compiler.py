@@ -52,7 +52,8 @@ def compiled(path: Path) -> ModuleType:
     """Import a generated module with the machine code of its ``integrate``."""
     with _one_process(path):
         size = path.stat().st_size
-        if not _is_stored(path):
+        stored = Path(numba.config.CACHE_DIR or path.parent / "__pycache__")  # numba's file cache
+        if not any(stored.rglob(f"{path.stem}.integrate-*.nbi")):
             if _HELPER.compiled_here + size > _HERE and _IS_PYTHON:
                 _HELPER.compile(path, size)
             else:
@@ -71,12 +72,6 @@ def _one_process(path: Path) -> Iterator[None]:
 
             fcntl.flock(file, fcntl.LOCK_EX)
         yield
-
-
-def _is_stored(path: Path) -> bool:
-    """Whether numba has machine code of a module in its file cache."""
-    folder = Path(numba.config.CACHE_DIR or path.parent / "__pycache__")
-    return any(folder.rglob(f"{path.stem}.integrate-*.nbi"))
 
 
 class _Helper:

@@ -76,7 +76,6 @@ class Engine:
         return {**self.__dict__, "_kernels": {}}
 
     def _kernel(self, lanes: int) -> Any:
-        """Compiled integrator for so many lanes."""
         if lanes not in self._kernels:
             self._kernels[lanes] = load_module(self.model, lanes).integrate
         return self._kernels[lanes]

@@ -144,19 +144,8 @@ class Device:
 
 
 def relative_parameters(device: str, rows: str, spread: float = 0.3) -> ParameterSpace:
-    """Parameter table of a device, bounds at ± `spread`.
-
-    Parameters
-    ----------
-    device : str
-    rows : str
-        ``name | symbol | unit | nominal | domain | description`` a line.
-    spread : float
-
-    Examples
-    --------
-    >>> relative_parameters("plant", "Tg | T_g | s | 0.02 | > 0 | current lag").bounds
-    array([[0.014, 0.026]])
+    """Parameter table of a device, bounds at ± `spread`; `rows` has ``name | symbol | unit | nominal | domain |
+    description`` a line.
     """
     parameters = []
     for row in rows.strip().splitlines():

@@ -157,7 +157,6 @@ def _annotate(
 
 
 def _legend(simulator: PowerSystemSimulator, event: GridEvent, places: _Places) -> list[Any]:
-    """Handles of the symbols of the diagram."""
     from matplotlib.lines import Line2D
 
     circle: dict[str, Any] = {"marker": "o", "ls": "none", "ms": 10, "mec": SYMBOL}
@@ -189,7 +188,6 @@ class _Canvas:
     """Axes in inches, with a record of all drawn shapes."""
 
     def __init__(self, points: Point) -> None:
-        """Make room for points, margins and a legend below."""
         from matplotlib.figure import Figure
 
         low, high = points.min(axis=0) - _MARGIN, points.max(axis=0) + _MARGIN

@@ -30,18 +30,10 @@ _MAX_SWITCHES = 20
 
 @dataclass(frozen=True)
 class LoadFlow:
-    """A solved load flow; complex powers are P + jQ in pu, buses and branches in the order of the network.
+    """A solved load flow of a network: complex `voltage` (n_buses,) and powers P + jQ in pu.
 
-    Parameters
-    ----------
-    network : Network
-    voltage : ndarray of shape (n_buses,), complex
-    mismatch : float
-        Largest difference in P or Q between injection and grid.
-    iterations : int
-        Newton steps of all rounds.
-    at_limit : tuple of int
-        Buses whose generator is at a reactive limit; empty unless limits were observed.
+    `mismatch` is the largest difference in P or Q between injection and grid, `iterations` counts Newton steps, and
+    `at_limit` names buses whose generator is at a reactive limit.
     """
 
     network: Network
@@ -83,44 +75,10 @@ class LoadFlow:
 def solve_load_flow(
     network: Network, *, start: ArrayLike | None = None, reactive_limits: bool = False
 ) -> LoadFlow:
-    """Solve for the voltages at which every bus balances.
+    """Solve for the voltages at which every bus balances, from `start` (n_buses,) or a flat profile.
 
-    Loads draw constant power. Reactive limits of generators are **not** observed by default: a generator that holds a
-    voltage delivers the reactive power for it.
-
-    Parameters
-    ----------
-    network : Network
-        Its slack bus must have a generator that holds a voltage.
-    start : array-like of shape (n_buses,), complex, optional
-        Initial voltages; flat (1 pu, or the held magnitude, at angle 0) where not given. Held magnitudes and the angle
-        of the slack bus always come from the network.
-    reactive_limits : bool
-        A generator beyond a limit delivers the limit, and holds its voltage again where it can; the slack generator has
-        no limits.
-
-    Returns
-    -------
-    LoadFlow
-
-    Raises
-    ------
-    InputError
-        If there is no solution near the start, with the bus of the worst mismatch; or at a bolted fault.
-
-    Examples
-    --------
-    >>> from errorscreen.power.elements import Branch, Bus, Load
-    >>> grid = Network(
-    ...     (Bus(1), Bus(2)),
-    ...     (Branch(1, 2, r=0.0, x=0.1),),
-    ...     slack=1,
-    ...     loads=(Load(2, 1.0, 0.2),),
-    ...     generators=(Generator(1, v=1.0),),
-    ... )
-    >>> flow = solve_load_flow(grid)
-    >>> flow.magnitude.round(4), round(flow.generation[1].real, 9)
-    (array([1.    , 0.9742]), 1.0)
+    Loads draw constant power. With `reactive_limits` a generator beyond a limit delivers the limit, and holds its
+    voltage again where it can; the slack generator has no limits. `InputError` where no solution is near the start.
     """
     V = _start(network, start)
     if not reactive_limits:

@@ -167,7 +167,7 @@ class Network:
         return self._changed(((at, at), y), shunts=(*self.shunts, Shunt(bus, y.real, y.imag)))
 
     def _changed(self, change: tuple[Any, Any] | None = None, **elements: Any) -> Network:
-        """Grid with other branches, shunts or bolted faults, and the same connections, which are not checked again.
+        """Grid with other branches, shunts or bolted faults, whose connections are not checked again.
 
         `change` (index, array) adds to entries of the admittance matrix, because a search tries thousands of faults.
         """
@@ -260,7 +260,6 @@ class Network:
 
     @cached_property
     def _positions(self) -> Mapping[frozenset[int], list[int]]:
-        """Positions of the branches between two buses."""
         positions: dict[frozenset[int], list[int]] = {}
         for k, branch in enumerate(self.branches):
             positions.setdefault(frozenset(branch.ends), []).append(k)
@@ -268,7 +267,6 @@ class Network:
 
     @cached_property
     def _branches_and_shunts(self) -> NDArray[np.complex128]:
-        """Bus admittance matrix without loads."""
         Y = np.zeros((len(self.buses),) * 2, dtype=complex)
         ends = np.array([[self._index[bus] for bus in branch.ends] for branch in self.branches], dtype=int)
         values = np.array([branch.admittances for branch in self.branches], dtype=complex)

@@ -31,25 +31,11 @@ _ILL_CONDITIONED = 1e9
 
 @dataclass(frozen=True)
 class ReducedNetwork:
-    """Linear maps from injected currents to voltages and flows, for one state of the grid.
+    """Linear maps from currents (..., T) injected at T terminals to voltages and flows.
 
-    Currents have the shape (..., T) for T terminals. For several states the arrays have one more axis, the first.
-
-    Parameters
-    ----------
-    terminals : tuple of int
-    observed : tuple of int
-        Buses with an observed voltage.
-    flows : tuple of (int, int)
-        Branches with an observed flow, as (sending bus, receiving bus).
-    impedance : ndarray of shape (T, T), complex
-        :math:`Z_{tt}` of (R1).
-    transfer : ndarray of shape (O, T), complex
-        :math:`Z_{ot}`.
-    flow_currents : ndarray of shape (F, T), complex
-        :math:`K_{ft}`: current that arrives at the receiving bus.
-    flow_voltages : ndarray of shape (F, T), complex
-        Voltage of the receiving bus.
+    `impedance` (T, T) is :math:`Z_{tt}` of (R1), `transfer` (O, T) gives the observed voltages, `flow_currents` (F, T)
+    and `flow_voltages` (F, T) the current that arrives over each of `flows`, and the voltage there. For several states
+    of the grid each has one more axis, the first.
     """
 
     terminals: tuple[int, ...]
@@ -68,7 +54,7 @@ class ReducedNetwork:
 
 
 class Reducer:
-    r"""Eliminates the same buses in many states of one grid.
+    """Eliminates the same buses in many states of one grid.
 
     States differ little: a fault, a branch or a load changes a few entries D of the admittance matrix, at the buses s.
     With the inverse Z of the matrix before, the voltages for unit currents at the terminals are
@@ -79,40 +65,10 @@ class Reducer:
     fault, whose voltage is zero. A state is reduced anew where a quarter of the buses changes, or where rounding errors
     would be large.
 
-    Parameters
-    ----------
-    network : Network
-        The state that is close to the others.
-    terminals : iterable of int
-    load_voltages : array-like of shape (n_buses,)
-        Voltages of the load flow **before** the disturbance, which fix the impedances of the loads in all states.
-    observed : iterable of int
-        Buses whose voltage is wanted.
-    flows : iterable of (int, int)
-        Branches whose flow is wanted: ``(25, 2)`` is the power that arrives at bus 2 over all branches from bus 25.
-    admittances : mapping of int to complex, optional
-        Constant internal admittance of a unit in pu, by bus, for example :math:`1/(R_a + jX'_d)` of a classical
-        machine; its injected current is then the Norton current :math:`E'/(R_a + jX'_d)`.
-
-    Raises
-    ------
-    InputError
-        If a bus or branch is unknown.
-
-    Examples
-    --------
-    A unit at bus 1 feeds a load of 1 pu over a reactance of 0.1 pu:
-
-    >>> from errorscreen.power.elements import Branch, Bus, Load
-    >>> grid = Network((Bus(1), Bus(2)), (Branch(1, 2, 0.0, 0.1),), slack=1, loads=(Load(2, 1.0),))
-    >>> reducer = Reducer(grid, [1], load_voltages=[1.0, 1.0], observed=[2], flows=[(1, 2)])
-    >>> reduced = reducer.anew(grid)
-    >>> reduced.impedance.round(12), reduced.arriving_power([0.5]).round(12)
-    (array([[1.+0.1j]]), array([0.25+0.j]))
-    >>> reducer([grid, grid.with_fault(2, 0.1j)]).impedance.round(4)
-    array([[[1.    +0.1j  ]],
-    <BLANKLINE>
-           [[0.0099+0.199j]]])
+    `network` is close to all states. `load_voltages` (n_buses,) of the load flow before the disturbance fix the
+    impedances of the loads. The flow ``(25, 2)`` is the power that arrives at bus 2 over all branches from bus 25.
+    `admittances` are constant internal admittances of units in pu, for example :math:`1/(R_a + jX'_d)` of a classical
+    machine, whose injected current is then its Norton current.
     """
 
     def __init__(
@@ -141,10 +97,7 @@ class Reducer:
                 raise InputError(f"no branch connects the buses {sending} and {receiving}", where="flows")
 
     def __call__(self, networks: Sequence[Network]) -> ReducedNetwork:
-        """Reduce several states of the grid, by (R2) where little differs; other buses raise `InputError`.
-
-        The arrays have one more axis, the first, for the states; NaN for a state without a unique solution.
-        """
+        """Reduce several states of the grid, the first axis, by (R2) where little differs; NaN where it is singular."""
         for network in networks:
             if network.buses != self.network.buses:
                 raise InputError("a state of the grid has other buses than that before", where="Reducer")
@@ -176,7 +129,11 @@ class Reducer:
 
     def _solved(self, network: Network) -> NDArray[np.complex128]:
         """Voltages of all buses for 1 pu at each terminal, from the whole matrix."""
-        return _unit_responses(self._admittances([network])[0], self._at, self._grounded(network))
+        Y = self._admittances([network])[0]
+        V = np.zeros((len(Y), len(self._at)), dtype=complex)
+        free = np.delete(np.arange(len(Y)), self._grounded(network))
+        V[free] = _solve(Y[np.ix_(free, free)], (free[:, None] == self._at).astype(complex))
+        return V
 
     @cached_property
     def _before(self) -> tuple[NDArray[np.complex128], NDArray[np.complex128], float]:
@@ -206,10 +163,8 @@ class Reducer:
         n, T = len(D), len(self._at)
         if 4 * (len(s) + len(grounded)) > len(Z):
             return np.zeros((n, len(Z), T), dtype=complex), np.zeros(n, dtype=bool)
-        V, well = (
-            np.repeat(Z[None, :, np.concatenate([self._at, grounded])], n, axis=0),
-            np.ones(n, dtype=bool),
-        )
+        V = np.repeat(Z[None, :, np.concatenate([self._at, grounded])], n, axis=0)
+        well = np.ones(n, dtype=bool)
         if len(s):
             change = D @ Z[np.ix_(s, s)]
             left, V_s = np.eye(len(s)) + change, V[:, s]
@@ -254,17 +209,6 @@ class Reducer:
             arriving,
             V[:, self._receiving],
         )
-
-
-def _unit_responses(
-    Y: NDArray[np.complex128], terminals: NDArray[np.int64], grounded: NDArray[np.int64]
-) -> NDArray[np.complex128]:
-    """Voltages of all buses for 1 pu at each terminal, shape (n_buses, n_terminals)."""
-    V = np.zeros((len(Y), len(terminals)), dtype=complex)
-    free = np.delete(np.arange(len(Y)), grounded)
-    units = (free[:, None] == terminals).astype(complex)
-    V[free] = _solve(Y[np.ix_(free, free)], units)
-    return V
 
 
 def _into(branches: Iterable[Branch], sending: int, receiving: int) -> tuple[complex, complex]:

@@ -14,6 +14,7 @@ from errorscreen.events import Event
 from errorscreen.exceptions import unknown_name
 from errorscreen.models.device import Device
 from errorscreen.power import elimination
+from errorscreen.simulators.base import Status
 
 #: initial states, constants, rows with an equilibrium, all values by name, step, and steps between samples
 Prepared = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_], Values, float, int]
@@ -28,12 +29,10 @@ def channel(signal: Any) -> Any:
 
 
 def assemble(device: Device, effects: Iterable[Effect], behind_impedance: bool = False) -> Model:
-    """Model of a device at a terminal, with every effect compiled in and switched by its strength.
+    """Model of a device at a terminal, with effects compiled in, each behind the equations of its port, in order.
 
-    Effects on the same port act in the order given, directly behind the equations that write the port. Measurement
-    effects are not compiled, see `measured`. With `behind_impedance` the inputs ``Er``, ``Ei`` are the voltage behind
-    ``R_grid`` + j ``X_grid`` instead of the terminal voltage: (G1) to (G5) of `errorscreen.power.elimination` for a
-    single unit. An effect on a port, or with a quantity, that the device does not have raises `InputError`.
+    With `behind_impedance` the inputs ``Er``, ``Ei`` are the voltage behind ``R_grid`` + j ``X_grid``: (G1) to (G5) of
+    `errorscreen.power.elimination` for one unit. `InputError` for a port or quantity that the device does not have.
     """
     effects = check_ports(device, effects)
     inputs, own, states = device.inputs, device.stages, device.states
@@ -141,10 +140,7 @@ def switched_off(effects: Iterable[Effect]) -> Values:
 def starting(
     model: Model, values: Values, feasible: NDArray[np.bool_], n: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    """Initial states (n, n_states), constants (n, n_constants), and rows that can start.
-
-    All quantities are given by name with shape (n,) or (); `feasible` marks rows with an equilibrium.
-    """
+    """Initial states (n, n_states), constants (n, n_constants), and rows with an equilibrium among those `feasible`."""
     x0, constants = (
         _columns([values[name] for name in names], n) for names in (model.states, model.constants)
     )
@@ -164,10 +160,9 @@ def _columns(values: Sequence[NDArray[np.float64]], n: int) -> NDArray[np.float6
 def start_effects(
     effects: Iterable[Effect], values: Values, own: Callable[[Effect], Values], h: float
 ) -> Values:
-    """Initial states and derived constants, by name in the model, of effects that are on in some simulation.
+    """Initial states and constants, by name in the model, of effects that are on in some simulation.
 
-    `values` holds the effects' parameters by their name in the model, (n,) or (); `own` gives the quantities of an
-    effect's device at its equilibrium; h is the step in seconds.
+    `values` are the effects' parameters, `own` the quantities of their device at its equilibrium, (n,) or ().
     """
     start: Values = {}
     for effect in effects:
@@ -186,21 +181,19 @@ def step_of(event: Event, longest: float) -> tuple[float, int]:
     return event.dt / every, every
 
 
-def drop_implausible(out: NDArray[np.float64], most: float) -> NDArray[np.bool_]:
-    """Set rows (n, R, L) that are not finite or leave the range ±`most` to NaN; return which rows stay, (n,)."""
+def statuses(out: NDArray[np.float64], most: float, start: Any = True) -> NDArray[np.int64]:
+    """Set rows (n, R, L) that are not finite or leave ±`most` to NaN; status of each row, which may `start` or not."""
     with np.errstate(invalid="ignore"):
         well = (out.max(axis=(1, 2)) < most) & (out.min(axis=(1, 2)) > -most)
     out[~well] = np.nan
-    return np.asarray(well)
+    ended = np.where(well, Status.OK, Status.DIVERGED)
+    return np.where(start, ended, Status.NO_EQUILIBRIUM).astype(np.int64)
 
 
 def measured(
     out: NDArray[np.float64], channels: tuple[str, ...], effects: Iterable[Effect], values: Values, h: float
 ) -> NDArray[np.float64]:
-    """Simulated channels (n, R, L), with the step h in seconds, after measurement effects in the order given.
-
-    `values` holds the parameters of the effects (n,) by their name in the model.
-    """
+    """Simulated channels (n, R, L) after measurement effects, whose parameters (n,) `values` holds by name."""
     out = out.copy()
     for effect in effects:
         on = values[effect.local(effect.strength.name)] != 0

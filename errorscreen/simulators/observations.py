@@ -17,14 +17,7 @@ from errorscreen.simulators.base import Simulator
 
 
 def as_observations(simulator: Simulator, recordings: Any) -> list[Observation]:
-    """Bring one recording or several, or observations, onto a simulator's channels and time grid.
-
-    Raises
-    ------
-    InputError
-        If there is no recording, or one has other channels or shapes than the simulator, no measured value, or a noise
-        that is not positive.
-    """
+    """Bring one recording or several, or observations, onto a simulator's channels and time grid."""
     if not isinstance(simulator, Simulator):
         raise InputError(
             f"simulator is a {type(simulator).__name__}", allowed="an object of a subclass of Simulator"
@@ -50,10 +43,7 @@ def check_recording(item: Any) -> Recording:
 def observed_after(
     recording: Any, event: Event, channels: tuple[str, ...], units: tuple[str, ...]
 ) -> Observation:
-    """Observation of a recording on some channels and the time axis of an event; a missing channel is all NaN.
-
-    A recording without any of the channels, or with one that is not in pu, raises `InputError`.
-    """
+    """Observation of a recording on some channels and the time axis of an event; a missing channel is all NaN."""
     recording = check_recording(recording)
     where = f"recording {recording.name!r}"
     found = [name for name in channels if name in recording.channels]

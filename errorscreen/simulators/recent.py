@@ -16,23 +16,7 @@ _NONE = np.empty((0, 0))
 
 
 class Recent:
-    """Keeps the results for the last few events or sets of rows; they must not be changed.
-
-    Pickles begin empty.
-
-    Parameters
-    ----------
-    kept : int, default 32
-        Number of results.
-
-    Examples
-    --------
-    >>> from errorscreen.events import InputSignal
-    >>> recent, event = Recent(), InputSignal([0.0, 1.0], "step", 0.0)
-    >>> recent.get((event,), (2,), lambda: print("computed") or 7), recent.get((event,), (2,), lambda: 8)
-    computed
-    (7, 7)
-    """
+    """Keeps the last `kept` results by event or set of rows; they must not be changed. Pickles begin empty."""
 
     def __init__(self, kept: int = _KEPT) -> None:
         self._kept = kept

@@ -27,13 +27,7 @@ _Array = NDArray[np.float64]
 
 
 def named(names: Names, what: str, empty: bool = False) -> tuple[tuple[str, ...], dict[str, str]]:
-    """Names of quantities, and their units.
-
-    Examples
-    --------
-    >>> named({"position": "m"}, "states"), named(["u"], "inputs")
-    ((('position',), {'position': 'm'}), (('u',), {'u': ''}))
-    """
+    """Names of quantities, and their units."""
     if isinstance(names, str):
         raise InputError(
             f"{what} is the text {names!r}", allowed="a list of names, or a mapping of names to units"
@@ -51,18 +45,11 @@ def signal_observation(
     units: tuple[str, ...],
     initial: Mapping[str, str | float],
 ) -> Observation:
-    """Inputs and measured outputs on one uniform grid.
+    """Inputs and measured outputs on one uniform grid; an output that was not recorded is all NaN.
 
     Irregular readings move to the nearest instant of a grid four times as fine, along the curve through their
-    neighbours; the other instants are not compared.
-
-    An output that was not recorded is all NaN. `units` are those of the outputs. `initial` gives the first guess of
-    states: a number, or the output whose first reading it is.
-
-    Raises
-    ------
-    InputError
-        If an input was not recorded or has a long gap, no output was recorded, or a unit differs.
+    neighbours; the other instants are not compared. `initial` gives the first guess of states: a number, or the output
+    whose first reading it is.
     """
     where = f"recording {recording.name!r}"
     for name in inputs:
@@ -145,10 +132,9 @@ def _everywhere(recording: Recording, name: str, time: _Array) -> _Array:
 def between_samples(
     event: InputSignal, names: tuple[str, ...], every: int, interpolation: str
 ) -> NDArray[np.float64]:
-    """Inputs at the beginning, in the middle and at the end of each step, shape (K + 1, 3, number of inputs).
+    """Inputs at the beginning, middle and end of each step, (K + 1, 3, n_inputs), with `every` steps between samples.
 
-    There are `every` steps between two samples. ``"hold"`` suits digital controllers, ``"bandlimited"`` signals behind
-    an anti-aliasing filter.
+    ``"hold"`` suits digital controllers, ``"bandlimited"`` signals behind an anti-aliasing filter.
     """
     time = event.time
     steps = every * (len(time) - 1)

@@ -198,13 +198,7 @@ def _pointer(function: Function, counted: bool) -> Any:
 
 
 def compile_all(functions: Sequence[Function], wanted: bool = True) -> tuple[bool, list[Any]]:
-    """Whether functions are compiled, and their machine code, or else `parallel_map` of each in Python.
-
-    Warns
-    -----
-    EngineWarning
-        With the reason where numba cannot compile one.
-    """
+    """Whether functions are compiled, and their machine code, or else `parallel_map` of each in Python."""
     compiled: list[Any] = []
     for function in functions if wanted else ():
         try:

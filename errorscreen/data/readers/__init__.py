@@ -40,13 +40,7 @@ def read_recording(path: str | Path, columns: Specs, format: str | None = None, 
 
 
 def recognised(path: Path) -> str:
-    """Name of the format of a file.
-
-    Raises
-    ------
-    InputError
-        If no reader recognises it.
-    """
+    """Name of the format of a file; `InputError` if no reader recognises it."""
     head = b""
     if path.is_file():
         with path.open("rb") as file:

@@ -113,7 +113,10 @@ def read_table(
         )
     reader = csv.reader(io.StringIO("".join(lines), newline=""), delimiter=delimiter, skipinitialspace=True)
     header = [cell.strip() for cell in next(reader)]
-    _check_header(header, source)
+    twice = [h for h in dict.fromkeys(header) if h and header.count(h) > 1]
+    if twice:
+        problem = f"column {twice[0]!r} occurs {header.count(twice[0])} times in the header"
+        raise InputError(problem, where=source, allowed="a name of its own for each column")
     rows, numbers = [], []
     try:
         for row in reader:
@@ -155,13 +158,6 @@ def _text(path: Path, encoding: str) -> str:
         ) from error
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror or error}", where=where) from error
-
-
-def _check_header(header: list[str], source: str) -> None:
-    twice = [h for h in dict.fromkeys(header) if h and header.count(h) > 1]
-    if twice:
-        problem = f"column {twice[0]!r} occurs {header.count(twice[0])} times in the header"
-        raise InputError(problem, where=source, allowed="a name of its own for each column")
 
 
 def _fitting(row: list[str], header: list[str], where: str, delimiter: str) -> list[str]:

@@ -209,7 +209,6 @@ def _port(kind: str, target: str) -> str:
 def _effect(
     anatomy: Anatomy, template: str, kind: str, target: str, reads: str = "", into: str = ""
 ) -> GenericEffect:
-    """One template at one place."""
     title, formula, source, description, confused = TEXTS[template]
     signal = reads or target
     where = {

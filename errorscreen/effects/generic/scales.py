@@ -64,20 +64,7 @@ class Anatomy:
 
 @dataclass(frozen=True)
 class Scales:
-    """Scales of one template at one place.
-
-    Parameters
-    ----------
-    anatomy : Anatomy
-    kind, target : str
-        Quantity it acts on, see `GenericEffect`.
-    signal : str
-        Signal it depends on.
-    of : str
-        Title, for the parameters.
-    into : bool
-        Whether a spill arrives somewhere.
-    """
+    """Scales of one template at one place: quantity, signal, title of the parameters, and whether a spill arrives."""
 
     anatomy: Anatomy
     kind: str
@@ -243,8 +230,6 @@ _PARAMETERS: Mapping[str, Callable[[Scales], tuple[Parameter, ...]]] = {
 def per(unit: str, by: str, order: int = 1) -> str:
     """Unit of one quantity for each unit of another, or its square or cube.
 
-    Examples
-    --------
     >>> per("m/s", "s"), per("N", "m", 3), per("", "s")
     ('m/s/s', 'N/m³', '1/s')
     """

@@ -66,7 +66,7 @@ def rotor(
 
 
 def initialise(v: Values) -> tuple[Values, Values, NDArray[np.bool_]]:
-    r"""Equilibrium at the operating point V, P, Q, angle.
+    """Equilibrium at the operating point V, P, Q, angle.
 
     The q axis lies along :math:`E_Q = V + (R_a + jX_q) I` with :math:`I = ((P + jQ)/V)^*` (Sauer, Pai, Chow, (7.46));
     all other quantities follow from (M3) to (M7) with zero derivatives.

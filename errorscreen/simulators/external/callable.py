@@ -127,10 +127,7 @@ class CallableSimulator(Simulator):
     def simulate(self, theta: ArrayLike, event: Event | None = None) -> Responses:
         """Simulate every row of `theta`; see `Simulator.simulate`.
 
-        Raises
-        ------
-        InputError
-            If the function returns another shape than outputs and event have.
+        `InputError` if the function returns another shape than outputs and event have.
         """
         event = self.event if event is None else event
         theta = self.acting(self.parameters.validate(theta), event)
@@ -165,7 +162,6 @@ class CallableSimulator(Simulator):
         return [row for row, _ in pairs], [reason for _, reason in pairs if reason]
 
     def _shaped(self, values: Any, event: Event) -> _Array:
-        """Returned values as (R, L)."""
         shape = (len(self.channels), len(event.time))
         try:
             array = np.array(values, dtype=float)

@@ -39,13 +39,7 @@ _SUMS: dict[int, Equations] = {
 
 
 def qualified(prefix: str, name: str) -> str:
-    """Name of a quantity of one unit in the model's name space; a derivative keeps its ``d_`` in front.
-
-    Examples
-    --------
-    >>> qualified("pv_plant", "d_W"), qualified("pv_plant", "W"), qualified("pv_plant", "f0")
-    ('d_pv_plant.W', 'pv_plant.W', 'f0')
-    """
+    """Name of a quantity of one unit in the model: ``d_W`` becomes ``d_pv_plant.W``."""
     if name in _SHARED:
         return name
     return f"d_{prefix}.{name[2:]}" if name.startswith("d_") else f"{prefix}.{name}"
@@ -54,11 +48,6 @@ def qualified(prefix: str, name: str) -> str:
 def machine_prefix(bus: int) -> str:
     """Prefix of the quantities of a fixed machine."""
     return f"machine_{bus}"
-
-
-def constant_names(device: Device) -> tuple[str, ...]:
-    """Candidates, constants and set-points of a device in a grid, without prefix."""
-    return (*device.candidates.names, *device.constant_values(in_grid=True), *device.setpoints, "size")
 
 
 def grid_effects(
@@ -84,8 +73,7 @@ def grid_effects(
 class GridModel:
     """Model of machines and devices at the terminals of a reduced grid, with effects at the devices that they name.
 
-    At most one device may be of the kind ``"norton"`` and one of the kind ``"rotor"``; `machines` are the buses of the
-    fixed machines, `channels` those of `PowerSystemSimulator`.
+    There may be one device of the kind ``"norton"`` and one of the kind ``"rotor"``.
     """
 
     def __init__(
@@ -115,7 +103,11 @@ class GridModel:
         constants = [qualified(p, c) for p in self._machines for c in machine_constants]
         for d in self.devices:
             states += [qualified(d.name, s) for s in (*d.states, *(s for s, _ in d.interface.states))]
-            constants += [qualified(d.name, c) for c in constant_names(d)]
+            own = (*d.candidates.names, *d.constant_values(in_grid=True), *d.setpoints, "size")
+            constants += [qualified(d.name, c) for c in own]
+        rows = list(self._order)
+        for name, where in self.channels.items():
+            rows += [f"channel.{name}.{part}" for part in ("VI" if isinstance(where, tuple) else "V")]
         return Model(
             name="grid",
             inputs=(),
@@ -123,7 +115,7 @@ class GridModel:
             constants=tuple(dict.fromkeys((*_SHARED, *constants, *effect_constants(self.effects)))),
             calls=tuple(self._calls),
             outputs=tuple(f"channel.{name}" for name in self.channels),
-            tables=self._table_names(),
+            tables=tuple(part for row in rows for column in self._order for part in _impedance(row, column)),
             gated=gates(self.effects),
         )
 
@@ -139,17 +131,6 @@ class GridModel:
                 rows.append(reduced.transfer[..., reduced.observed.index(where), None, :])
         values = np.concatenate(rows, axis=-2)
         return np.stack([values.real, values.imag], axis=-1).reshape(*values.shape[:-2], -1)
-
-    def _rows(self) -> list[str]:
-        rows = list(self._order)
-        for name, where in self.channels.items():
-            rows += [f"channel.{name}.{part}" for part in ("VI" if isinstance(where, tuple) else "V")]
-        return rows
-
-    def _table_names(self) -> tuple[str, ...]:
-        return tuple(
-            part for row in self._rows() for column in self._order for part in _impedance(row, column)
-        )
 
     def _add(
         self, function: Equations, reads: Iterable[str], writes: Iterable[str], recorded: bool = False

@@ -43,11 +43,7 @@ def tables_in_time(
     h: float,
     steps: int,
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Tables of the grid's states (n_states, n_tables), that before the event first, and the state of each step.
-
-    `network` is the grid before the event, and `tables` gives the tables of its states. A change of the grid at no
-    multiple of the step h, or a state without a unique solution, raises `InputError`.
-    """
+    """Tables of the grid's states (n_states, n_tables), that before the event first, and the state of each step."""
     changes = event.changes(network)
     values = tables([network, *(changed for _, changed in changes)])
     if not np.isfinite(values[0]).all():
@@ -77,9 +73,8 @@ def courses(
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.bool_]]:
     """Tables and segments of n simulations with the events of `events_by_row`, and which are possible (n,).
 
-    The table `before` the event, which is common to all, comes first. An estimated instant must act smoothly, so it
-    need not fall on a step: the step in which the grid changes has the mean of both tables, weighted by time. An event
-    is not possible where open branches leave an island.
+    A step in which the grid changes has the mean of both tables, weighted by time, so that an estimated instant acts
+    smoothly. An event is not possible where open branches leave an island.
     """
     # states are reduced together; a fault that only lasts longer has the same ones
     parts, plans, possible = [before[None]], [], np.ones(n, dtype=bool)
@@ -117,10 +112,7 @@ def courses(
 def _placed(
     event: GridEvent, times: Sequence[float], values: NDArray[np.float64], h: float, steps: int
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Tables and segment, with extra tables for steps within which the grid changes.
-
-    The grid changes at `times`; `values` (n_times + 1, n_tables) are the tables before, and from each instant on.
-    """
+    """Tables and segment; `values` (n_times + 1, n_tables) are the tables before, and from each of `times` on."""
     segment, tables = np.zeros(steps + 1, dtype=np.int64), [values[0]]
     for instant, after in zip(times, values[1:], strict=True):
         position = (instant - event.time[0]) / h
@@ -138,21 +130,10 @@ def _placed(
 
 
 def steps_at_rest(segment: NDArray[np.int64], every: int) -> int:
-    """Steps at the beginning that need no integration, because the grid is in equilibrium.
+    """Steps at the beginning, a multiple of `every`, that need no integration, because the grid is in equilibrium.
 
-    A multiple of `every`, the steps between two compared instants. The last of them before the change is integrated,
-    because the value at the change is the one after it. 0 where the grid never changes, so that a run without any event
-    still shows whether it stays in equilibrium.
-
-    Examples
-    --------
-    >>> steps_at_rest(np.array([0, 0, 0, 0, 1, 2]), every=2)
-    2
-
-    With a fault from the first instant on:
-
-    >>> steps_at_rest(np.array([1, 1, 1, 1, 2, 2]), every=1)
-    0
+    The last of them before the change is integrated, because the value at the change is the one after it. 0 where the
+    grid never changes, so that a run without any event still shows whether it stays in equilibrium.
     """
     changed = segment > 0
     return max(0, (int(changed.argmax()) // every - 1) * every) if changed.any() else 0

@@ -18,17 +18,7 @@ from errorscreen.parameters import ParameterSpace
 from errorscreen.power.load_flow import LoadFlow, solve_load_flow
 from errorscreen.power.network import Network
 from errorscreen.power.reduction import Reducer
-from errorscreen.simulators.assembly import (
-    Prepared,
-    check_ports,
-    drop_implausible,
-    inside,
-    measured,
-    start_effects,
-    starting,
-    step_of,
-    switched_off,
-)
+from errorscreen.simulators import assembly
 from errorscreen.simulators.base import Responses, Simulator, Status
 from errorscreen.simulators.grid.assembly import GridModel, grid_effects, qualified
 from errorscreen.simulators.grid.event_tables import courses, events_by_row, steps_at_rest, tables_in_time
@@ -153,12 +143,12 @@ class PowerSystemSimulator(Simulator):
             kinds = {u.model.name: u.model.name for u in units} | {i.model.name: LOAD.name for i in loads}
             effects = grid_effects(kinds, self.channels, self.network, (event, *further))
         self.effects = tuple(effects)
-        self._off = switched_off(self.effects)
-        self._inside = inside(self.effects)
+        self._off = assembly.switched_off(self.effects)
+        self._inside = assembly.inside(self.effects)
         for effect in self._inside:
             if effect.device not in devices:
                 raise unknown_name(effect.device, devices, kind="device", where=f"effect {effect.name!r}")
-            check_ports(devices[effect.device], [effect])
+            assembly.check_ports(devices[effect.device], [effect])
         self._grid = GridModel((m.bus for m in self.machines), devices.values(), self.observed, self._inside)
         self._engine = new_engine(engine, self._grid.model(), n_threads)
         self._flows: dict[float, LoadFlow] = {}
@@ -190,18 +180,10 @@ class PowerSystemSimulator(Simulator):
         }
 
     def simulate(self, theta: ArrayLike, event: Event | None = None) -> Responses:
-        """Simulate every row of `theta`; see `Simulator.simulate`.
+        """Simulate every row of `theta`, driven by a `GridEvent`; see `Simulator.simulate`.
 
-        Parameters
-        ----------
-        theta : array-like of shape (n, m)
-        event : GridEvent, optional
-            `self.event` where not given. The value at an instant at which the grid changes is the one just after it.
-
-        Raises
-        ------
-        InputError
-            If the event is of another kind, or an instant at which the grid changes is no multiple of the step.
+        The value at an instant at which the grid changes is the one just after it. `InputError` for another kind of
+        event, or such an instant that is no multiple of the step.
         """
         event = self.event if event is None else event
         if not isinstance(event, GridEvent):
@@ -235,11 +217,10 @@ class PowerSystemSimulator(Simulator):
                 out[rows, :, : skipped // record] = part[:, :, :1]
                 out[rows, :, skipped // record :] = part
         if distorted:
-            out = measured(out, self.channels, present, values, h)[..., ::every]
-        well = drop_implausible(out, _PLAUSIBLE)
-        status = np.where(start, np.where(well, Status.OK, Status.DIVERGED), Status.NO_EQUILIBRIUM)
+            out = assembly.measured(out, self.channels, present, values, h)[..., ::every]
+        status = assembly.statuses(out, _PLAUSIBLE, start)
         status[~possible] = Status.FAILED
-        return Responses(out, status.astype(np.int64), event.time, self.channels)
+        return Responses(out, status, event.time, self.channels)
 
     def trajectories(
         self, theta: ArrayLike, event: Event, device: str = ""
@@ -292,7 +273,7 @@ class PowerSystemSimulator(Simulator):
             flow = self._flow(event)
             self._reducers[event.level] = Reducer(
                 flow.network,
-                self._terminals(),
+                [terminal.bus for terminal in (*self.machines, *self._items)],
                 load_voltages=flow.voltage,
                 observed=[w for w in self.observed.values() if not isinstance(w, tuple)],
                 flows=[w for w in self.observed.values() if isinstance(w, tuple)],
@@ -300,44 +281,29 @@ class PowerSystemSimulator(Simulator):
             )
         return self._reducers[event.level]
 
-    def _prepared(self, theta: NDArray[np.float64], event: GridEvent) -> Prepared:
-        """Start of each simulation, see `Prepared`."""
-        h, every = step_of(event, self.step)
+    def _prepared(self, theta: NDArray[np.float64], event: GridEvent) -> assembly.Prepared:
+        h, every = assembly.step_of(event, self.step)
         begin = min(event.start, event.time[-1] - event.dt) - event.time[0]
         instants = float(begin), float(event.time[-1] - event.time[0])
 
         def start() -> tuple[Any, ...]:
             values, feasible = self._start(theta, event, instants, h)
-            return *starting(self._engine.model, values, feasible, len(theta)), values
+            return *assembly.starting(self._engine.model, values, feasible, len(theta)), values
 
         acting = tuple(effect.acts_in(event) for effect in self.extensions)
         model, known = (self.parameters, self.extensions), (event.level, instants, h, acting)
         return *self._recent_starts.get(model, known, start, theta), h, every
 
     def observe(self, recording: Any, event: Event | None = None) -> Observation:
-        """Bring a recording onto this simulator's channels and the time axis of an event.
+        """Bring a recording onto this simulator's channels and the time axis of an event, its own where not given.
 
-        Its time stamps must be those of the event, with the disturbance at ``event.start``.
-
-        Parameters
-        ----------
-        recording : Recording or Observation
-            Its channels have the names of this simulator's, in pu of the grid's base.
-        event : Event, optional
-            A `GridEvent`; that of this simulator where not given.
-
-        Raises
-        ------
-        InputError
-            If it has none of the channels, one in another unit, or is not a recording.
+        Its channels have the names of this simulator's, in pu of the grid's base, and its time stamps are those of the
+        event, with the disturbance at ``event.start``. `InputError` if it has none of the channels, or one in another
+        unit.
         """
         if isinstance(recording, Observation):
             return recording
         return observed_after(recording, self.event if event is None else event, self.channels, self.units)
-
-    def _terminals(self) -> list[int]:
-        """Buses of all currents, in the order of the model."""
-        return [m.bus for m in self.machines] + [item.bus for item in self._items]
 
     def _flow(self, event: GridEvent) -> LoadFlow:
         """Load flow before an event, kept for each load level."""
@@ -351,11 +317,11 @@ class PowerSystemSimulator(Simulator):
     def _start(
         self, theta: NDArray[np.float64], event: GridEvent, instants: tuple[float, float], h: float
     ) -> tuple[Values, NDArray[np.bool_]]:
-        """All states and constants by name, each of shape (n,) or (), and where an equilibrium exists.
-
-        Of the event only its load level, its acting effects, its begin and its end count.
-        """
-        machines, powers = self._at_terminals(event)
+        """All states and constants by name, (n,) or (), and where an equilibrium exists."""
+        if event.level not in self._terminal_values:
+            found = at_terminals(self._flow(event), self.machines, self._items)
+            self._terminal_values[event.level] = found
+        machines, powers = self._terminal_values[event.level]
         values: Values = {"f0": np.array(self.f0), **machines}
         feasible = np.ones(len(theta), dtype=bool)
         given = self._named(theta, event)
@@ -367,12 +333,5 @@ class PowerSystemSimulator(Simulator):
             of_device[item.model.name] = own | clock
             feasible = feasible & possible
         values |= self._off | given
-        started = start_effects(self._inside, values, lambda effect: of_device[effect.device], h)
+        started = assembly.start_effects(self._inside, values, lambda effect: of_device[effect.device], h)
         return values | started, feasible
-
-    def _at_terminals(self, event: GridEvent) -> AtTerminals:
-        """State of all terminals before an event, kept for each load level."""
-        if event.level not in self._terminal_values:
-            found = at_terminals(self._flow(event), self.machines, self._items)
-            self._terminal_values[event.level] = found
-        return self._terminal_values[event.level]

@@ -110,8 +110,8 @@ def at_rest(
 ) -> tuple[Values, NDArray[np.bool_]]:
     """Quantities of a unit or load at its equilibrium, without prefix, and rows that have one.
 
-    `given` holds candidate parameters (n,), nominal where missing; `size` is the item's base over that of the grid;
-    voltage and power are in pu of the grid, power delivered by a unit or drawn by a load.
+    `given` holds parameters (n,); `size` is the item's base over that of the grid; power is what a unit delivers or a
+    load draws, in pu of the grid.
     """
     device = item.model
     assert device.grid is not None
@@ -150,10 +150,7 @@ def check_terminals(
     machines: Sequence[FixedMachine],
     loads: Sequence[LoadUnderTest],
 ) -> None:
-    """Raise `InputError` unless each generator has a machine or unit, and each load under test exists.
-
-    A device, or a kind of connection, may be there once only, and there must be a fixed machine.
-    """
+    """Raise `InputError` unless each generator has a machine or unit, and each load under test exists."""
     where = "PowerSystemSimulator"
     buses = [m.bus for m in machines] + [u.bus for u in units]
     have = sorted(g.bus for g in network.generators)

@@ -25,10 +25,9 @@ _Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class InitialStates:
-    """Knowledge of the initial state of each recording.
+    """Knowledge of the initial state of each recording, from the argument ``initial`` of `ODESimulator`.
 
-    `given` is the argument ``initial`` of `ODESimulator`; `columns` has the columns of theta by recording and state. An
-    unknown state, or a measured one that is no output, raises `InputError`.
+    `columns` has the columns of theta by recording and state.
     """
 
     states: tuple[str, ...]
@@ -66,10 +65,7 @@ class InitialStates:
     def fitted_to(
         self, seen: Sequence[Observation | InputSignal], first: int
     ) -> tuple[InitialStates, list[Parameter]]:
-        """Return this with a set of parameters for each recording, from column `first` of theta on.
-
-        Two recordings with the same name, or a measured state without measurements, raise `InputError`.
-        """
+        """Return this with a set of parameters for each recording, from column `first` of theta on."""
         columns: dict[tuple[str, str], int] = {}
         parameters: list[Parameter] = []
         names: set[str] = set()

@@ -144,33 +144,11 @@ def integrate(
     table: Any, owns: Any, t0: Any, h: Any, every: Any, out: Any, states: Any, flat: Any, u: Any, y: Any,
     memory: Any, history: Any, active: Any, alive: Any, begin: Any, end: Any,
 ) -> Any:  # fmt: skip
-    """Integrate simulations `begin` to `end` and record their outputs.
+    """Integrate simulations `begin` to `end` and write their outputs to `out` (n, R, K // every + 1).
 
-    Parameters
-    ----------
-    rhs, law, readout : callable
-        The user's functions, see `USER`.
-    x0 : ndarray of shape (n, nx + extra)
-        Initial states, those of effects behind the model's own.
-    parameters : ndarray of shape (n, m)
-        Parameters and constants of the model.
-    q : ndarray of shape (n, l)
-        Parameters of the effects.
-    inputs : ndarray of shape (K + 1, 3, nu)
-        Measured inputs at the beginning, in the middle and at the end of each step.
-    n_signals, n_states : int
-        Internal signals, and the model's own states.
-    table, owns : ndarray of shape (rows, 7), int, and (rows, 4)
-        See `ode_effects.ROW` and `ode_effects.ROW_CONSTANTS`.
-    t0, h : float
-        First instant and step in seconds.
-    every : int
-        Outputs are recorded at each `every`-th step.
-    out : ndarray of shape (n, R, K // every + 1)
-        Written, up to a value that is not finite.
-    states, flat, u, y, memory, history, active, alive : ndarray
-        Working memory, see `room`; allocation here would need reference counts, which take most of the time.
-    begin, end : int
+    `x0` (n, states) has the states of effects behind the model's own, `inputs` (K + 1, 3, nu) the beginning, middle
+    and end of each step. `table` and `owns` are those of `errorscreen.simulators.ode.effects`. The working memory
+    comes from `room`: allocation here would need reference counts, which take most of the time.
     """
     steps, nx = inputs.shape[0], x0.shape[1]
     x, w, f, g = states[0], states[1], states[2], states[3]
@@ -219,10 +197,7 @@ def integrate(
 def room(
     n_states: int, n_inputs: int, n_outputs: int, table: NDArray[np.int64], steps: int, n: int
 ) -> tuple[NDArray[Any], ...]:
-    """Working memory of `integrate` for one thread: states, flat, u, y, memory, history, active, alive.
-
-    `n_states` counts states of effects, `n_inputs` internal signals, too; `n` is the number of simulations.
-    """
+    """Working memory of `integrate` for one thread and n simulations, with states and signals of effects."""
     rows, lanes = max(len(table), 1), min(n, LANES)
     past = steps + 1 if (table[:, 0] == DELAY).any() else 1
     states = np.zeros((4, lanes, n_states))

@@ -57,9 +57,8 @@ def library(
 ) -> tuple[Effect, ...]:
     """Generic effects of a model, with ranges from its nominal run and the measurements.
 
-    `nominal` holds the course of each state, input and signal at the nominal parameters, every `step` seconds during
-    `event`; `baseline` gives the nominal outputs (R, L); `rhs` is the user's function with parameters and constants p;
-    `units` are those of all quantities. `SimulationError` if the nominal run diverges.
+    `nominal` holds the nominal course of each state, input and signal, every `step` seconds; `baseline` the nominal
+    outputs (R, L).
     """
     ranges = _ranges(names, nominal, step, event)
     ranges |= {name: _range(row) for name, row in zip(names.outputs, baseline(), strict=True)}
@@ -85,9 +84,8 @@ def effect_table(
 ) -> tuple[NDArray[np.int64], _Array, list[int], int]:
     """Table for `errorscreen.simulators.ode.kernel.integrate` with a row for each generic effect.
 
-    `parameters` are those of the extended model; `held` tells whether inputs are held between samples. Returned are the
-    table (rows, 7), its constants (rows, 4), the columns of theta that hold the effects' parameters, and the number of
-    states of the effects.
+    Returned are the table (rows, 7), its constants (rows, 4), the columns of theta with the effects' parameters, and
+    the number of states of the effects. `held` tells whether inputs are held between samples.
     """
     rows: list[list[int]] = []
     owns: list[list[float]] = []
@@ -176,5 +174,4 @@ def _integrals(
 
 
 def _drawn(rng: np.random.Generator, names: Sequence[str], ranges: _Ranges) -> _Array:
-    """Draw values inside the ranges."""
     return np.array([rng.uniform(low, high + 1e-9) for low, high in (ranges[name] for name in names)])

@@ -22,8 +22,8 @@ from errorscreen.effects.generic import GenericEffect
 from errorscreen.events import Event, InputSignal
 from errorscreen.exceptions import InputError, check_real, unknown_name
 from errorscreen.parameters import Parameter, ParameterSpace
-from errorscreen.simulators.assembly import drop_implausible, measured, step_of
-from errorscreen.simulators.base import Responses, Simulator, Status
+from errorscreen.simulators.assembly import measured, statuses, step_of
+from errorscreen.simulators.base import Responses, Simulator
 from errorscreen.simulators.observations import check_recording
 from errorscreen.simulators.ode import kernel as ode_kernel
 from errorscreen.simulators.ode.initial_states import InitialStates
@@ -297,9 +297,7 @@ class ODESimulator(Simulator):
                 out = measured(out, self.channels, errors, values, h)
         if each_step:
             out = out[..., ::every].copy()
-        well = drop_implausible(out, _PLAUSIBLE)
-        status = np.where(well, Status.OK, Status.DIVERGED)
-        return Responses(out, status.astype(np.int64), event.time, self.channels)
+        return Responses(out, statuses(out, _PLAUSIBLE), event.time, self.channels)
 
     def _integrated(
         self, theta: _Array, event: InputSignal, readout: Any, n_outputs: int, each_step: bool = False

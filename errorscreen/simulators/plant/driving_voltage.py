@@ -40,11 +40,8 @@ def driving_voltage(
     """Real and imaginary part of the driving voltage at every half step, shape (2 * n_steps + 1, 2).
 
     Magnitude and angle are interpolated, not the components, so a turning phasor keeps its length. Monotone cubics
-    (F. N. Fritsch and J. Butland, SIAM J. Sci. Stat. Comput. 5, 1984) have a higher order than straight lines and do
-    not overshoot at a step. Behind an impedance the recorded current is the conjugate of (P + jQ) / V.
-
-    With a `jump`, (first sample, last sample, early), all signals jump just after the first sample, or just before
-    the last.
+    (F. N. Fritsch and J. Butland, SIAM J. Sci. Stat. Comput. 5, 1984) do not overshoot at a step. With a `jump`, (first
+    sample, last sample, early), all signals jump just after the first sample, or just before the last.
     """
     needed = ("V", *(("angle",) if needs_angle else ()), *(("P", "Q") if impedance else ()))
     if not set(needed) <= set(event.signals):

@@ -42,11 +42,10 @@ _Inputs = Mapping[str, tuple[_Array, float]]
 
 
 def noise_left(observation: Observation, errors: _Array, part: NDArray[np.bool_]) -> _Array:
-    """Standard deviation (R,) of the noise in the errors of a simulation.
+    """Noise (R,) that remains in `errors` (R, K) before the event, which `part` (L,) marks.
 
-    It is the noise of the channel, or the scatter of the errors before the event where that is larger. Where a channel
-    is also injected, its noise moves the simulation as well, and less of it may remain. `errors` (R, K) are measured
-    minus simulated at the samples before the event, which `part` (L,) marks.
+    It is the channel's noise, or the scatter where that is larger. Less may remain where the channel is also injected,
+    because its noise moves the simulation as well.
     """
     assert isinstance(observation.event, Playback)
     time, noise = observation.time[part], np.array(observation.noise)
@@ -64,22 +63,10 @@ def with_uncertainty(
 ) -> Observation:
     """Return an observation with `Observation.extra` and `Observation.modes` of a model.
 
-    Where a small change of the input changes the kind of response (a plant trips, or not), the change says nothing
-    about uncertainty and is left out: a model on that edge would explain any recording.
-
-    Parameters
-    ----------
-    observation : Observation
-    run : callable
-        ``run(event, interpolation=..., step=..., jump=...)`` gives the response (R, L) of the model, NaN where it
-        fails.
-    step : float
-        Longest step of `run` in seconds.
-    nominal : callable
-        As `run`, for the model that `Observation.noise` was estimated with. Noise that propagates through that model
-        before the event is already part of it; at another operating point more propagates.
-    threads : int
-        Simulations at the same time.
+    ``run(event, interpolation=..., step=..., jump=...)`` gives the response (R, L), with steps up to `step` seconds;
+    `nominal` is the same for the model that `Observation.noise` was estimated with, which holds its propagated noise.
+    Where a small change of the input changes the kind of response (a plant trips, or not), it is left out: a model on
+    that edge would explain any recording.
     """
     event = observation.event
     assert isinstance(event, Playback)
@@ -110,20 +97,9 @@ def with_uncertainty(
 
 
 def propagated_energy(observation: Observation, run: _Run) -> _Array:
-    """Energy of the propagated noise in squared deviations, for draws of the injected signals' noise.
+    """Energy (NOISE_DRAWS, n, R) of the propagated noise, for responses ``run(event)`` (n, R, L); NaN where it fails.
 
     The draws are the same for all rows and calls, so the energy is a smooth function of the parameters.
-
-    Parameters
-    ----------
-    observation : Observation
-    run : callable
-        ``run(event)`` gives responses (n, R, L), NaN where they fail.
-
-    Returns
-    -------
-    ndarray of shape (NOISE_DRAWS, n, R)
-        NaN where the response changes its kind.
     """
     event = observation.event
     assert isinstance(event, Playback)
@@ -177,10 +153,9 @@ def _changes(run: _Run, response: _Array, noise: _Array) -> _Run:
 def _propagated(changed: _Run, event: Playback, inputs: _Inputs, channels: tuple[str, ...]) -> _Array:
     """Variance (R, L) of the error from injected noise that propagates without delay.
 
-    A signal that moves up and down for two samples each leaves slow dynamics as they are, so two simulations show at
-    every sample how much noise propagates. Of white noise that is read between two samples, a share f after the first,
-    1 − 2 f (1 − f) of the variance remains, and the same of the two courses together; of a course that changes from
-    sample to sample (1 − 2 f)² would remain. The noise of a signal that is also compared moves both sides.
+    A signal that moves up and down for two samples each leaves slow dynamics as they are, so two simulations show how
+    much noise propagates. Of white noise that is read between two samples, a share f after the first, 1 − 2 f (1 − f)
+    of the variance remains, and the same of the two courses together.
     """
     samples = np.arange(len(event.time))
     total = np.zeros((len(channels), len(event.time)))
@@ -201,9 +176,8 @@ def _modes(
 ) -> _Array:
     """Slow errors (K, R, L) from the noise and the unknown instants of the injected signals.
 
-    White noise over a block of samples acts on slow dynamics like its sum, so each block moves as a whole by the
-    standard deviation of its sum. The change after the block is kept: the change within it is white and part of
-    `noise`. Returned are the principal components that matter against the noise.
+    White noise over a block of samples acts on slow dynamics like its sum, so each block moves by the standard
+    deviation of its sum. Only the change after the block is kept, because `noise` holds that within it.
     """
     length = len(event.time)
     width = max(1, round(_BLOCK / event.dt), -(-length // _MOST_BLOCKS))
@@ -237,11 +211,7 @@ def _modes(
 
 
 def _late(observation: Observation, part: NDArray[np.bool_]) -> _Array:
-    """Standard deviation (R, L) of readings that a meter holds, because their age is unknown.
-
-    A held reading may be any value that the channel had while it was held. The same holds for the injected voltage,
-    whose age makes the response early.
-    """
+    """Standard deviation (R, L) of readings that a meter holds: each may be any value of the time it was held for."""
     event = observation.event
     assert isinstance(event, Playback)
     out = np.zeros(observation.values.shape)
@@ -261,8 +231,7 @@ def _late(observation: Observation, part: NDArray[np.bool_]) -> _Array:
 def _jumps(event: Playback, inputs: _Inputs) -> list[tuple[int, int]]:
     """First and last sample of intervals in which a signal jumps, the largest jumps first.
 
-    A signal that changes between two samples, as at a fault, and moves little before and after, may have jumped at any
-    instant between them; where readings are held, at any instant while they were held.
+    A change between two samples, or within a held reading, may have come at any instant between them.
     """
     width = max(1, round(event.age / event.dt))
     if not inputs or len(event.time) <= 3 * width:

@@ -36,21 +36,8 @@ def playback_observation(
     The device starts at an equilibrium, so the angle is taken in a frame that rotates at the mean pre-event frequency:
     the straight line through its quiet part is removed. Where only the frequency was recorded, the angle is its
     integral, :math:`\theta = 2\pi\int (f - f_{pre})\,dt`. Short gaps of the voltage are interpolated, longer ones
-    (`errorscreen.data.resampling.SHORT_GAP`) only before the event, and nothing is compared there.
-
-    See `PlantSimulator` for the arguments. A channel that was not recorded is all NaN. With an impedance, the recorded
-    P and Q are injected as well.
-
-    Raises
-    ------
-    InputError
-        If a needed signal (voltage; angle or frequency; P and Q with an impedance) was not recorded, the voltage has a
-        long gap in the event, or the operating point is unknown.
-
-    Warns
-    -----
-    DataWarning
-        If the operating point is implausible for a generator: the sign, base or column may be wrong.
+    (`errorscreen.data.resampling.SHORT_GAP`) only before the event, and nothing is compared there. With an impedance,
+    the recorded P and Q are injected as well.
     """
     where = f"recording {recording.name!r}"
     if "V" not in recording.channels:
@@ -119,10 +106,7 @@ def playback_observation(
 
 
 def input_noise(event: Playback) -> dict[str, tuple[NDArray[np.float64], float]]:
-    """Noise of each injected signal: effect of one sample of noise in time, and its standard deviation.
-
-    The effect is a single value, or a step where the angle is the integral of the frequency.
-    """
+    """Noise of each injected signal: effect of one sample in time, and its standard deviation."""
     found = {name: (np.ones(1), sigma) for name, sigma in event.noise.items() if name != "f"}
     if "f" in event.noise:
         found["angle"] = (np.full(len(event.time), 2 * np.pi * event.dt), event.noise["f"])

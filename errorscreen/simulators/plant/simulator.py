@@ -20,18 +20,8 @@ from errorscreen.events import Event, Playback
 from errorscreen.exceptions import InputError, unknown_name
 from errorscreen.models import DEVICES, Device
 from errorscreen.parameters import ParameterSpace
-from errorscreen.simulators.assembly import (
-    Prepared,
-    assemble,
-    drop_implausible,
-    inside,
-    measured,
-    start_effects,
-    starting,
-    step_of,
-    switched_off,
-)
-from errorscreen.simulators.base import Responses, Simulator, Status
+from errorscreen.simulators import assembly
+from errorscreen.simulators.base import Responses, Simulator
 from errorscreen.simulators.observations import check_recording
 from errorscreen.simulators.plant.driving_voltage import check_impedance, driving_voltage
 from errorscreen.simulators.plant.injection_noise import noise_left, propagated_energy, with_uncertainty
@@ -132,7 +122,7 @@ class PlantSimulator(Simulator):
             faults = () if self._behind else (*measurement_effects(device.outputs), common_skew())
             effects = (*effects_of(device.name), *faults)
         self.effects = tuple(effects)
-        self._off = switched_off(self.effects)
+        self._off = assembly.switched_off(self.effects)
         wrong = [effect.name for effect in self.effects if self._behind and effect.kind == "measurement"]
         if wrong:  # a wrong power gives a wrong voltage behind the impedance
             raise InputError(
@@ -144,7 +134,7 @@ class PlantSimulator(Simulator):
         self.step, self.dt = step, dt
         self.operating_point = dict(operating_point or {})
         self._recent, self._observed = Recent(), Recent()
-        self._engine = new_engine(engine, assemble(device, self.effects, self._behind), n_threads)
+        self._engine = new_engine(engine, assembly.assemble(device, self.effects, self._behind), n_threads)
         self.channels = _channels(recording, channels, device.outputs)
         self.units = ("pu",) * len(self.channels)
         if not isinstance(recording, Playback | Observation):  # the event does not depend on uncertainty
@@ -155,7 +145,7 @@ class PlantSimulator(Simulator):
         return self._short(self.device.name)
 
     def observe(self, recording: Any) -> Observation:
-        """Bring a recording onto this simulator's channels, units (pu) and time grid.
+        """Bring a recording onto this simulator's channels, units (pu) and time grid; see `Simulator.observe`.
 
         The result is kept for each recording, because its uncertainty takes many nominal simulations:
 
@@ -167,14 +157,7 @@ class PlantSimulator(Simulator):
           or half the step changes the response by more than noise does, that change is uncertain
           (`Observation.extra`).
 
-        Parameters
-        ----------
-        recording : Recording or Observation
-
-        Raises
-        ------
-        InputError
-            If it lacks what the injection needs, or is not a recording.
+        `InputError` if the recording lacks what the injection needs.
         """
         if isinstance(recording, Observation):
             return recording
@@ -239,11 +222,10 @@ class PlantSimulator(Simulator):
             if start.any():
                 out[start] = self._engine.integrate(x0[start], constants[start], injected, h=h, every=record)
         if distorted:
-            out = measured(out, self.device.outputs, acting, values, h)[..., ::every]
-        well = drop_implausible(out, _PLAUSIBLE)
-        status = np.where(start, np.where(well, Status.OK, Status.DIVERGED), Status.NO_EQUILIBRIUM)
+            out = assembly.measured(out, self.device.outputs, acting, values, h)[..., ::every]
+        status = assembly.statuses(out, _PLAUSIBLE, start)
         rows = [self.device.outputs.index(name) for name in self.channels]
-        return Responses(out[:, rows], status.astype(np.int64), event.time, self.channels)
+        return Responses(out[:, rows], status, event.time, self.channels)
 
     def trajectories(
         self, theta: ArrayLike, event: Event, device: str = ""
@@ -258,22 +240,25 @@ class PlantSimulator(Simulator):
         )
         return dict(zip(self.device.states, out[0], strict=True))
 
-    def _prepared(self, theta: NDArray[np.float64], event: Playback, step: float) -> Prepared:
-        """Start of each simulation, see `Prepared`."""
+    def _prepared(self, theta: NDArray[np.float64], event: Playback, step: float) -> assembly.Prepared:
         check_steps(event.time[-1] - event.time[0], step, "PlantSimulator, step")
-        h, every = step_of(event, step)
+        h, every = assembly.step_of(event, step)
         values = self._values(theta, event)
         with np.errstate(all="ignore"):  # an absurd parameter shows in `feasible`
             states, setpoints, feasible = self.device.initialise(values)
         values |= {**states, **setpoints}
         if self._behind:
             values |= {state: values[name] for state, name in self.device.interface.states}
-        values |= {name: np.full(len(theta), t - event.time[0]) for name, t in _instants(event).items()}
-        values |= start_effects(inside(self.effects), values, lambda effect: values, h)
-        return *starting(self._engine.model, values, feasible, len(theta)), values, h, every
+        # without a disturbance before the end, an unknown input still has a window of one sample
+        begin = min(event.start, event.time[-1] - event.dt)
+        values |= {
+            name: np.full(len(theta), t - event.time[0])
+            for name, t in (("t_event", begin), ("t_stop", event.time[-1]))
+        }
+        values |= assembly.start_effects(assembly.inside(self.effects), values, lambda effect: values, h)
+        return *assembly.starting(self._engine.model, values, feasible, len(theta)), values, h, every
 
     def _injected(self, event: Playback, every: int, *between: Any) -> NDArray[np.float64]:
-        """Input of the engine, see `driving_voltage`."""
 
         def compute() -> NDArray[np.float64]:
             return driving_voltage(event, every, self.device.needs_angle, self.grid_impedance, *between)
@@ -341,12 +326,6 @@ class PlantSimulator(Simulator):
                 own = [values[effect.local(p.name)] for p in effect.parameters]
                 values[effect.channel] = effect.recorded(values[effect.channel], *own)
         return values | {"angle": 0.0 * one}
-
-
-def _instants(event: Playback) -> dict[str, float]:
-    """Begin of the event and end of the record in seconds, for effects that depend on time."""
-    # without a disturbance before the end, an unknown input still has a window of one sample
-    return {"t_event": min(event.start, event.time[-1] - event.dt), "t_stop": event.time[-1]}
 
 
 def _with_frequency(
