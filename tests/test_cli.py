@@ -160,7 +160,7 @@ BAD_CASE = {
     "unknown effect": (
         "[discovery]", '[discovery]\neffects = ["lag_P", "exiter"]', "toml, discovery.effects: unknown effect 'exiter'",
     ),
-    "a first look at one sample": ("[discovery]", "[discovery]\nfirst_look = 1", "first_look: 1 was found.*>= 20"),
+    "a first look at one sample": ("[discovery]", "[discovery]\nfirst_look = 1", "first_look is 1.*>= 20"),
     "zero jobs": ("[calibration]", "[run]\nn_jobs = 0\n[calibration]", "n_jobs is 0"),
 }  # fmt: skip
 

@@ -56,6 +56,8 @@ def test_labels_are_in_the_table_and_plotted(tmp_path):
 
 
 def test_without_torch_the_rest_is_measured(tmp_path, monkeypatch, caplog):
+    monkeypatch.delitem(sys.modules, "errorscreen.learning.network", raising=False)
+    monkeypatch.delattr("errorscreen.learning.network", raising=False)
     monkeypatch.setitem(sys.modules, "torch", None)
     monkeypatch.setattr(speed, "DEVICES", {})
     monkeypatch.setattr(speed, "cwt_speed", lambda: MEASURED["cwt"])

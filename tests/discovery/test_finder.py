@@ -272,5 +272,5 @@ def test_where_parameters_have_not_come_to_rest_nothing_is_named(crease, monkeyp
     model, observation = crease
     finder = CauseFinder(model, ["offset_u"], library_size=16, n_starts=1, random_state=0).fit(observation)
     assert [(c.name, c.probability) for c in finder.causes_] == [("unknown", 1.0)]
-    assert "has not come to an end" in finder.verdict_.text
+    assert "did not end at a minimum" in finder.verdict_.text
     assert "ports" not in finder.verdict_.text  # nor is there a place
