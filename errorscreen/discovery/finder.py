@@ -398,10 +398,7 @@ class CauseFinder(BaseEstimator):
     def _calibrate(
         self, observations: Sequence[Observation], base: Hypothesis | None = None
     ) -> MAPCalibrator:
-        """Fit all parameters from many starts, because a local minimum looks exactly like a missing effect.
-
-        Where a better fit has been found it starts from there alone.
-        """
+        """Fit all parameters: from many starts, because a local minimum looks like an effect, or from a better fit."""
         simulator = self.simulator if base is None else self.simulator.with_step_of(base.simulator)
         return MAPCalibrator(
             simulator,

@@ -1,13 +1,10 @@
 r"""A quick first look: one network ranks parameters and missing effects together, before any search.
 
-The network of the published method learns from errors that parameters alone make; here part of its samples has one
-effect of the library as well, and each effect has a column of labels of its own,
+The network of the published method is trained on samples of which a part has one effect. The label of an effect is
 
 .. math:: c_k = \sum_r \lambda_r \| y_r(\theta, s_k) - y_r(\theta, 0) \|_2                              \qquad (D5)
 
-which is the strength times the sensitivity to the strength, taken over the whole strength because an effect need not be
-linear in it. It is in the same unit as the contributions (14) of parameters. A first look costs one training for each
-event, and says nothing about noise, places or values: `CauseFinder` does.
+in the unit of the contributions (14) of parameters. It says nothing about noise, places or values: `CauseFinder` does.
 """
 
 from __future__ import annotations

@@ -154,10 +154,8 @@ def stage_names(observation: Observation) -> tuple[str, ...]:
 
 
 def stage_limits(observation: Observation) -> NDArray[np.float64]:
-    """Instants in seconds between which the stages of `stage_names` lie, shape (6,).
-
-    The fault ends where the voltage has come back by half of its largest deviation within the first second; without a
-    voltage, or if it never comes back (a step), after 0.2 s.
+    """Instants (6,) in seconds between which the stages lie. The fault ends where the voltage has come back by half of
+    its largest deviation within the first second; without a voltage, or if it never comes back (a step), after 0.2 s.
     """
     time, start = observation.time, observation.event.start
     if isinstance(observation.event, InputSignal):
