@@ -70,10 +70,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def script() -> None:
-    """Entry point of the ``errorscreen`` command: `main`, then the end of the process.
-
-    After Ctrl-C the process ends at once. Otherwise Python would kill it by the signal instead of returning 130 if the
-    interrupt fell into code that a library had generated while it was being imported.
+    """Entry point of the ``errorscreen`` command: `main`, then the end of the process, at once after Ctrl-C.
+    Otherwise the signal would end Python without 130 if it fell into code that a library generated on import.
     """
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _interrupt)
@@ -265,9 +263,7 @@ def _case_folder(
     options: argparse.Namespace, case: Any, out: str | None, kind: str, within: str = ""
 ) -> Path:
     """Output folder: the one asked for, that of the case file, or one beside the caller.
-
-    The case file states one folder for several commands: each but `run` has one of its own in it, `within`, so that it
-    does not overwrite the report of another.
+    In the folder of the case file, each command but `run` has one of its own (`within`).
     """
     path = Path(options.case)
     if out is not None:

@@ -11,11 +11,7 @@ _NOT_SEARCHED: _Json = {"name": "unknown", "title": "Unknown", "kind": "unknown"
 
 
 def upgraded(old: _Json) -> _Json:
-    """Values of a ``result.json`` of version 1 in the tree of version 2.
-
-    Version 1 knows neither the noise beside each error after a search, nor a verdict before held-out recordings were
-    judged: these are null.
-    """
+    """Values of a ``result.json`` of version 1 in the tree of version 2, with null for what version 1 does not know."""
     found = old.get("discovery") or {}
     methods = old["calibration"]["methods"]
     calibrations = [_calibration(method) for method in methods]

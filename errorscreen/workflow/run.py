@@ -143,10 +143,8 @@ class _Selected(NamedTuple):
 def _selecting(
     study: Study, store: Store, progress: bool
 ) -> Iterator[tuple[Callable[[], None], Callable[[], _Selected]]]:
-    """Screen and calibrate selections, in a process of its own where a network is to be trained.
-
-    The search takes longer, needs nothing of it, and leaves cores idle. Yields a function that raises errors of that
-    process, and one that waits for the result.
+    """Screen and calibrate selections, in a process of its own where a network is to be trained, beside the search.
+    Yields a function that raises errors of that process, and one that waits for the result.
     """
 
     def here() -> _Selected:

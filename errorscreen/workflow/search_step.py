@@ -18,31 +18,10 @@ GRID_STEP = 0.005
 def search_simulator(
     simulator: Simulator, section: DiscoverySection, observations: Sequence[Observation]
 ) -> Simulator:
-    """Return the simulator with the step of the search.
-
-    Most fits of a search do not come near enough to noise for the error of the integration to count, and those that do
-    are repeated with a quarter of the step.
-
-    Parameters
-    ----------
-    simulator : Simulator
-    section : DiscoverySection
-        Its step; where it has none, a grid has twice the simulator's, up to 5 ms, unless something happens between two
-        of these steps.
-    observations : sequence of Observation
-        All that will be simulated.
-
-    Raises
-    ------
-    InputError
-        If the section has a step but the simulator has none, or something happens in the grid between two of them.
-
-    Examples
-    --------
-    >>> from errorscreen.cases import load_ieee39
-    >>> grid = load_ieee39()
-    >>> grid.step, search_simulator(grid, DiscoverySection(), []).step
-    (0.0025, 0.005)
+    """Return the simulator with the step of the search: that of the section, else for a grid twice its own, up to 5 ms.
+    A grid keeps its own if something happens between two of these steps. Most fits do not come near enough to noise for
+    the error of the integration to count, and those that do are repeated with a quarter of the step. Raises
+    `InputError` if the given step cannot be used.
     """
     own: float | None = getattr(simulator, "step", None)
     if section.step is not None:
