@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import io
-import logging
 import os
 import shutil
 import signal
@@ -14,10 +13,12 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from errorscreen import __version__
+from errorscreen._runtime.log_lines import at_each_line
 from errorscreen.exceptions import ErrorscreenError, InputError
 
 #: exit codes: bad input, a failure on the way, interrupted (as shells count it)
@@ -51,7 +52,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     warnings.showwarning = _show_warning
     out = options.default_out if options.out is None else options.out
     try:
-        with _talking(not getattr(options, "quiet", False)):
+        with at_each_line(partial(_line, not getattr(options, "quiet", False))):
             options.command(options, out)
     except ErrorscreenError as error:
         print(f"errorscreen: {error}", file=sys.stderr)
@@ -88,33 +89,12 @@ def _interrupt(number: int, frame: Any) -> None:
     raise KeyboardInterrupt
 
 
-class _Console(logging.Handler):
-    """Print lines of progress, and raise an interrupt again that a library has swallowed."""
-
-    def __init__(self, show: bool) -> None:
-        super().__init__(logging.INFO)
-        self._show = show
-
-    def emit(self, record: logging.LogRecord) -> None:
-        """Print one line."""
-        if _interrupts:
-            raise KeyboardInterrupt
-        if self._show:
-            print(record.getMessage(), file=sys.stderr, flush=True)
-
-
-@contextmanager
-def _talking(show: bool) -> Iterator[None]:
-    """Show the log of the package on the console while a command runs."""
-    logger, handler = logging.getLogger("errorscreen"), _Console(show)
-    level = logger.level
-    logger.addHandler(handler)
-    logger.setLevel(logging.INFO)
-    try:
-        yield
-    finally:
-        logger.removeHandler(handler)
-        logger.setLevel(level)
+def _line(show: bool, text: str) -> None:
+    """Print a line of progress, and raise an interrupt again that a library has swallowed."""
+    if _interrupts:
+        raise KeyboardInterrupt
+    if show:
+        print(text, file=sys.stderr, flush=True)
 
 
 def _parser() -> argparse.ArgumentParser:

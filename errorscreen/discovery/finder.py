@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
+from errorscreen._runtime.estimators import RecordingEstimator
 from errorscreen._runtime.sampling import generator
 from errorscreen._runtime.store import Store, digest, program
 from errorscreen._runtime.threads import one_blas_thread
@@ -64,7 +64,7 @@ _Array = NDArray[np.float64]
 _log = logging.getLogger(__name__)
 
 
-class CauseFinder(BaseEstimator):
+class CauseFinder(RecordingEstimator):
     r"""Find what a simulator lacks to reproduce recordings.
 
     All hypotheses (parameters only, each effect of the library, pairs of effects) are fitted together with all
@@ -342,12 +342,6 @@ class CauseFinder(BaseEstimator):
         """The hypothesis that the verdict is about: the most probable one, or the parameters alone."""
         check_is_fitted(self, "extended_simulator_")
         return self._chosen
-
-    def __sklearn_tags__(self) -> Any:
-        tags = super().__sklearn_tags__()
-        tags.input_tags.two_d_array = False  # recordings are fitted, not a table
-        tags.target_tags.required = False
-        return tags
 
     def _check(self) -> None:
         """Refuse arguments that cannot be used."""

@@ -15,9 +15,10 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.base import BaseEstimator, clone
+from sklearn.base import clone
 from sklearn.utils.validation import check_is_fitted
 
+from errorscreen._runtime.estimators import RecordingEstimator
 from errorscreen._runtime.sampling import generator
 from errorscreen._runtime.typed import Real
 from errorscreen.data.observations import Observation
@@ -149,7 +150,7 @@ def effect_dataset(
     )
 
 
-class FirstLook(BaseEstimator):
+class FirstLook(RecordingEstimator):
     """Rank parameters and missing effects by what each contributes to the error of a recording.
 
     Parameters
@@ -271,12 +272,6 @@ class FirstLook(BaseEstimator):
         error = observation.values - self.simulator.baseline(observation.event)
         found = self.screener_.predict(np.where(observation.mask, error, 0.0)[None])
         return np.asarray(found)[0]
-
-    def __sklearn_tags__(self) -> Any:
-        tags = super().__sklearn_tags__()
-        tags.input_tags.two_d_array = False  # X is a recording
-        tags.target_tags.required = False
-        return tags
 
     def _one(self, recording: Any) -> Observation:
         observations = as_observations(self.simulator, recording)

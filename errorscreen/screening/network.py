@@ -47,6 +47,12 @@ class NetworkScreener(BaseScreener):
     """
 
     trains = True
+    case_keys = {
+        "n_samples": "samples",
+        "epochs": "epochs",
+        "n_frequencies": "frequencies",
+        "n_columns": "columns",
+    }
 
     def __init__(
         self,
@@ -70,23 +76,6 @@ class NetworkScreener(BaseScreener):
         self.n_jobs = n_jobs
         self.checkpoint = checkpoint
         self.progress = progress
-
-    @classmethod
-    def from_case(
-        cls, simulator: Simulator, section: Any, run: Any, folder: Path | None = None, progress: bool = False
-    ) -> NetworkScreener:
-        """Screener with the keys of a case file, see `BaseScreener.from_case`."""
-        return cls(
-            simulator,
-            n_samples=section.samples,
-            epochs=section.epochs,
-            n_frequencies=section.frequencies,
-            n_columns=section.columns,
-            random_state=run.random_state,
-            n_jobs=run.n_jobs,
-            checkpoint=None if folder is None else folder / "dataset",
-            progress=progress,
-        )
 
     def fit(self, X: Any, y: None = None) -> NetworkScreener:
         """Simulate labelled errors, train the network, and read the error of one recording.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import platform
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager
 from dataclasses import replace
@@ -21,14 +21,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 import errorscreen
+from errorscreen._runtime.log_lines import at_each_line
 from errorscreen._runtime.processes import in_subprocess
 from errorscreen._runtime.store import Store
 from errorscreen._runtime.typed import from_json, to_json
-from errorscreen.calibration import CALIBRATORS
+from errorscreen.calibration import CALIBRATORS, MAPCalibrator
 from errorscreen.calibration.result import Calibration
 from errorscreen.data.observations import Observation
 from errorscreen.discovery import CauseFinder, Contribution, Diagnosis, FirstLook, ModelFit
 from errorscreen.discovery.diagnosis import NOMINAL, simulated
+from errorscreen.discovery.fits.hypotheses import PRIOR
 from errorscreen.events import Playback
 from errorscreen.exceptions import InputError, SimulationError
 from errorscreen.learning.generation import local_sensitivity
@@ -39,7 +41,6 @@ from errorscreen.report.result import ChannelInfo, RecordingInfo, Role, Run, Scr
 from errorscreen.screening import SCREENERS
 from errorscreen.simulators.base import REMEDIES, Simulator, Status
 from errorscreen.workflow.advice import advice, doubts
-from errorscreen.workflow.calibrate import calibrate, calibrate_map
 from errorscreen.workflow.outcome import Outcome
 from errorscreen.workflow.screen import screen
 from errorscreen.workflow.search_step import search_simulator
@@ -78,17 +79,13 @@ def run_study(study: Study, out: str | Path, *, progress: bool = False) -> Outco
     store = Store(Path(out) / "stages")
     nominal = tuple(_nominal(study.simulator, o) for o in study.observations)
     with _selecting(study, store, progress) as (check, select):
-        with _checked(check):
+        with at_each_line(lambda _: check()):  # a long search ends as soon as its result is in vain
             looked = _first_look(study, store)
             diagnosis = _diagnosed(study, store)
         selected = select()
-    calibrations = [
-        calibrate_map(study.simulator, study.searched, diagnosis.calibration, study.calibration, study.run)
-        for method in study.calibration.methods
-        if method == "map"
-    ]
     order: list[str] = list(study.calibration.methods)
-    calibrations = sorted([*calibrations, *selected.calibrated], key=lambda c: order.index(c.method))
+    calibrations = [*selected.calibrated, *([_of_all(study, diagnosis)] if "map" in order else [])]
+    calibrations.sort(key=lambda c: order.index(c.method))
     responses = {NOMINAL: nominal, **{c.label: _simulated(study, c) for c in calibrations}}
     contributions = _true_contributions(study)
     counts = [(one.n_simulations, one.n_failed) for one in selected.screened]
@@ -170,35 +167,10 @@ def _selecting(
         yield call.check, wait
 
 
-@contextmanager
-def _checked(check: Callable[[], None]) -> Iterator[None]:
-    """Call `check` at each line of the log, so that a long search ends as soon as its result is in vain."""
-    logger, handler = logging.getLogger(errorscreen.__name__), _Checking(check)
-    level = logger.level
-    logger.addHandler(handler)
-    logger.setLevel(min(logging.INFO, logger.getEffectiveLevel()))
-    try:
-        yield
-    finally:
-        logger.removeHandler(handler)
-        logger.setLevel(level)
-
-
-class _Checking(logging.Handler):
-    """Handler that calls a function and lets its errors pass."""
-
-    def __init__(self, check: Callable[[], None]) -> None:
-        super().__init__(logging.INFO)
-        self._check = check
-
-    def emit(self, record: logging.LogRecord) -> None:
-        self._check()
-
-
 def _selected(study: Study, store: Store, progress: bool) -> _Selected:
     """The published method: rank the parameters, and calibrate each selection."""
     screened = [_screened(method, study, store, progress) for method in study.screening.methods]
-    calibrated, settings = [], (study.calibration, study.run, progress)
+    calibrated = []
     for method in study.calibration.methods:
         if method == "map":
             continue  # the diagnosis holds this fit
@@ -208,23 +180,43 @@ def _selected(study: Study, store: Store, progress: bool) -> _Selected:
         for selection, names in selections:
             of = "all parameters" if names is None else f"the selection of {selection}: {', '.join(names)}"
             _log.info("calibration: %s on %s", method, of)
-            fit = partial(calibrate, method, study.simulator, study.observation, names, selection, *settings)
+            fit = partial(_calibrated, method, selection, names, study, progress)
             stages = store.under(study.fingerprint("calibration", names))
             calibrated.append(_kept(stages, f"calibration-{method}-{selection}", Calibration, fit))
     return _Selected(screened, calibrated, store.reused)
+
+
+def _calibrated(
+    method: str, selection: str, names: Sequence[str] | None, study: Study, progress: bool
+) -> Calibration:
+    """Fit selected parameters, or all, by a method of `CALIBRATORS`."""
+    start, kind = perf_counter(), CALIBRATORS[method]
+    fit = kind.from_case(study.simulator, names, study.calibration, study.run, progress)
+    return Calibration.of(fit.fit(study.observation), method, selection, perf_counter() - start)
+
+
+def _of_all(study: Study, diagnosis: Diagnosis) -> Calibration:
+    """Fit of all parameters: that of the diagnosis, led on from there if the case file asks for another prior."""
+    start, base, section = perf_counter(), diagnosis.calibration, study.calibration
+    if section.prior_scale == PRIOR:
+        return base
+    calibrator = MAPCalibrator(
+        study.simulator,
+        prior_scale=section.prior_scale,
+        n_starts=1,
+        starts=base.theta(study.simulator.parameters),
+        level=section.level,
+        random_state=study.run.random_state,
+    ).fit(list(study.searched))
+    return Calibration.of(calibrator, "map", seconds=perf_counter() - start)
 
 
 def _screened(method: str, study: Study, store: Store, progress: bool) -> Screening:
     """Rank the parameters by one method, or take over an earlier ranking."""
     _log.info("screening: %s", method)
     stages = store.under(study.fingerprint("screening"))
-    settings = (study.screening, study.run, stages.folder, progress)
-    return _kept(
-        stages,
-        f"screening-{method}",
-        Screening,
-        lambda: screen(method, study.simulator, study.observation, *settings),
-    )
+    rank = partial(screen, method, study, stages.folder, progress)
+    return _kept(stages, f"screening-{method}", Screening, rank)
 
 
 def _first_look(study: Study, store: Store) -> tuple[Contribution, ...]:
