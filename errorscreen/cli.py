@@ -143,22 +143,13 @@ def _parser() -> argparse.ArgumentParser:
     paper.add_argument("--draws", type=int, default=100, help="hidden parameter vectors (default 100)")
     paper.add_argument("--seed", type=int, default=0, help="of everything that is drawn (default 0)")
     paper.add_argument(
-        "--noise-db",
-        type=float,
-        default=None,
-        help="level of the response over its noise; no noise where not given",
+        "--noise-db", type=float, help="level of the response over its noise; no noise where not given"
     )
     paper.add_argument(
-        "--samples",
-        type=int,
-        default=None,
-        help="simulated errors with exact labels that the network learns from",
+        "--samples", type=int, help="simulated errors with exact labels that the network learns from"
     )
     paper.add_argument(
-        "--enlarged",
-        type=int,
-        default=None,
-        help="further ones, with labels by a regression of the exact ones",
+        "--enlarged", type=int, help="further ones, with labels by a regression of the exact ones"
     )
     paper.add_argument(
         "--network",
@@ -183,7 +174,6 @@ def _parser() -> argparse.ArgumentParser:
     found.add_argument(
         "--largest-size",
         type=float,
-        default=None,
         help="scale effects to sizes drawn between the two, evenly by order of magnitude (default: as drawn)",
     )
     found.add_argument("--jobs", type=int, default=-1, help="processes (default: one for each core)")

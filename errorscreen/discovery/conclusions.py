@@ -140,8 +140,9 @@ def location_text(locations: Sequence[InputLocation], simulator: Simulator) -> s
     """Where an unknown input enters, as far as the simulator has ports for it."""
     if locations:
         first = locations[0]
+        percent = np.floor(1000.0 * first.explained) / 10.0  # never rounded up to all of it
         text = (
-            f"An unknown input at {first.name} would explain it best: {_percent(first.explained)} of the error that "
+            f"An unknown input at {first.name} would explain it best: {percent:.3g} % of the error that "
             f"parameters leave ({first.text})."
         )
         alike = other_locations(locations)
@@ -163,11 +164,6 @@ def alike_locations(locations: Sequence[InputLocation]) -> list[InputLocation]:
 def other_locations(locations: Sequence[InputLocation]) -> str:
     """Locations that cannot be told from the first, in words; empty if there is none."""
     return ", or at ".join(one.name for one in alike_locations(locations)[1 : _TOLD + 1])
-
-
-def _percent(share: float) -> str:
-    """Share in per cent, never rounded up to all of it."""
-    return f"{np.floor(1000.0 * share) / 10.0:.3g} %"
 
 
 def withdrawn_text(cause: Cause, gain: Gain) -> str:

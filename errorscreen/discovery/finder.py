@@ -552,13 +552,10 @@ class CauseFinder(RecordingEstimator):
 
     def _estimates(self, hypothesis: Hypothesis, cause: Cause | None) -> Iterator[Estimate]:
         """All parameters of a fitted model: those of the cause as profiled, all others by the linear model."""
-        width = half_width(hypothesis, exact=cause is not None and cause.exact)
-        half = dict(zip(hypothesis.names, width * np.sqrt(np.diag(hypothesis.covariance)), strict=True))
+        linear = hypothesis.intervals(half_width(hypothesis, exact=cause is not None and cause.exact))
         profiled = {p.name: p for p in cause.parameters} if cause is not None else {}
-        for p, value in zip(hypothesis.simulator.parameters, hypothesis.theta.tolist(), strict=True):
-            margin = float(half[p.name]) * float(p.scale or 1.0)
-            linear = Estimate.of(p, value, max(p.lower, value - margin), min(p.upper, value + margin))
-            yield profiled.get(p.name, linear)
+        for p in hypothesis.simulator.parameters:
+            yield profiled.get(p.name) or Estimate.of(p, *linear[p.name])
 
 
 def _step(simulator: Simulator) -> float:

@@ -160,16 +160,17 @@ class Hypothesis(Displayed):
         width : float
             Half width of the intervals in standard deviations, 1.645 for 90 %.
         """
-        deviation = np.sqrt(np.diag(self.covariance))
+        every, local = self.intervals(width), {p.name: effect.local(p.name) for p in effect.parameters}
+        return {name: every[own] for name, own in local.items() if own in every}
+
+    def intervals(self, width: float) -> dict[str, tuple[float, float, float]]:
+        """Value, lower and upper end of each fitted parameter, for a half width in standard deviations."""
+        space, half = self.simulator.parameters, width * np.sqrt(np.diag(self.covariance))
         found = {}
-        for parameter in effect.parameters:
-            name = effect.local(parameter.name)
-            if name not in self.names:
-                continue
-            own = self.simulator.parameters[name]
-            value = float(self.theta[self.simulator.parameters.index(name)])
-            half = width * float(deviation[self.names.index(name)]) * float(own.scale or 1.0)
-            found[parameter.name] = (value, max(own.lower, value - half), min(own.upper, value + half))
+        for name, deviation in zip(self.names, half.tolist(), strict=True):
+            own, value = space[name], float(self.theta[space.index(name)])
+            margin = deviation * float(own.scale or 1.0)
+            found[name] = (value, max(own.lower, value - margin), min(own.upper, value + margin))
         return found
 
     def predict(self, event: Any) -> _Array:
