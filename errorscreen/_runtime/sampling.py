@@ -27,7 +27,18 @@ def generator(random_state: Any = None) -> np.random.Generator:
 
 
 def latin_hypercube(space: ParameterSpace, n: int, random_state: Any = None) -> NDArray[np.float64]:
-    """Latin hypercube of shape (n, m) inside the bounds of m parameters, in their units, equation (1)."""
+    """Latin hypercube of shape (n, m) inside the bounds of m parameters, in their units, equation (1).
+
+    Each parameter's range is cut into `n` intervals of equal width, and each interval holds one sample.
+
+    Examples
+    --------
+    >>> from errorscreen.parameters import Parameter, ParameterSpace
+    >>> space = ParameterSpace([Parameter("H", 5.0, 3.5, 6.5, unit="s")])
+    >>> theta = latin_hypercube(space, 3, random_state=0)
+    >>> np.floor((np.sort(theta[:, 0]) - 3.5) / 1.0)
+    array([0., 1., 2.])
+    """
     n = check_integer(n, "the number of samples")
     if not len(space):
         raise InputError("the parameter space is empty", allowed="at least one parameter")

@@ -36,9 +36,22 @@ _FAR = 10.0
 
 
 def bias_corrected(search: BoundedSearch, problem: FitProblem, smooth: ArrayLike = True) -> BoundedSearch:
-    """Return a search with the best track alone, moved to the minimum of (K1); without injected noise it stays.
-    Its track has a Jacobian by central differences. E is taken as constant in parameters that it does not follow
-    smoothly, given by `smooth` (k,), bool.
+    """Return a search with the best track alone, moved to the minimum of (K1).
+
+    Parameters
+    ----------
+    search : BoundedSearch
+        Is not changed.
+    problem : FitProblem
+        Of this search.
+    smooth : array-like of shape (k,), bool
+        Parameters that the energy follows smoothly, also far away; it is taken as constant in the others. All where not
+        given.
+
+    Returns
+    -------
+    BoundedSearch
+        Its track has a Jacobian by central differences. Without injected noise it is the best one of `search`.
     """
     search.differentiate([search.best])
     found = search.alone(replace(search.best))
@@ -62,7 +75,20 @@ def bias_corrected(search: BoundedSearch, problem: FitProblem, smooth: ArrayLike
 
 
 def noise_slope(problem: FitProblem, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """Slope (k,) of the energy of propagated noise at u, 0 where a simulation fails, and the energy."""
+    """Slope (k,) of the energy of propagated noise at u, 0 where a simulation fails, and the energy.
+
+    Examples
+    --------
+    A larger transient reactance passes less noise.
+
+    >>> from errorscreen.cases.demo import demo_recordings
+    >>> from errorscreen.simulators import PlantSimulator
+    >>> recording, _, _ = demo_recordings(0)
+    >>> problem = FitProblem(PlantSimulator("synchronous_machine", recording), recording)
+    >>> slope, _ = noise_slope(problem, np.zeros(8))
+    >>> bool(slope[problem.names.index("Xd1")] < 0)
+    True
+    """
     lower, upper = problem.scaled_bounds
     inwards = np.where(u <= 0.5 * (lower + upper), _STEP, -_STEP)
     moved = np.clip(u + np.diag(inwards), lower, upper)

@@ -54,15 +54,12 @@ class BoundedSearch:
 
     Each iteration evaluates two batches for all starts together: the differences of the residuals z, and one trial
     point for each of seven damping values. A step is the exact minimiser of the damped linear model inside the bounds
-    (`damped_minima`), with the normal matrix scaled to unit diagonal; a clipped Levenberg–Marquardt step would get
-    stuck as soon as a bound is active. `tilt` adds a linear term to the objective.
+    (`damped_minima`); a clipped Levenberg–Marquardt step would get stuck as soon as a bound is active. `tilt` adds a
+    linear term to the objective.
 
-    Differences are one-sided, which takes half the evaluations, until they lead no further, and central from there on:
-    where a limiter begins to act, the slope of one side promises a descent that no step keeps, or hides one on the
-    other side.
-
-    NaN residuals mark a failed evaluation. A failed trial point is not taken; a central difference uses the side that
-    worked, and a parameter with no such side counts as without effect in that iteration.
+    Differences are one-sided until they lead no further, and central from there on: where a limiter begins to act, the
+    slope of one side promises a descent that no step keeps, or hides one on the other side. NaN residuals mark a failed
+    evaluation: a trial point that is not taken, or a side of a central difference that is not used.
 
     Parameters
     ----------
@@ -74,7 +71,7 @@ class BoundedSearch:
     tol : float
         Converged where the undamped step inside the bounds promises to lower the objective by less than
         ``tol * max(1, χ²/N, (χ² - N) / 10)``. If only noise is left, a decrease by 1 is one standard deviation of one
-        parameter. Residuals beyond noise are smooth, and a standard deviation is larger then (`noise_inflation`).
+        parameter; residuals beyond noise are smooth, and it is larger then (`noise_inflation`).
     step : float
         Step of the differences in u.
     central : bool

@@ -27,16 +27,10 @@ def diagnose(simulator: Simulator, recordings: Any, held_out: Any = (), **option
     **options
         Of `CauseFinder`: ``random_state``, ``effects``, ``max_effects`` (0 tries no effect) and others.
 
-    Returns
-    -------
-    Diagnosis
-
     Raises
     ------
-    InputError
-        If an argument or a recording cannot be used.
-    SimulationError
-        If nothing can be simulated.
+    InputError, SimulationError
+        If an argument or a recording cannot be used, or nothing can be simulated.
 
     Examples
     --------

@@ -78,18 +78,10 @@ class NetworkScreener(BaseScreener):
         self.progress = progress
 
     def fit(self, X: Any, y: None = None) -> NetworkScreener:
-        """Simulate labelled errors, train the network, and read the error of one recording.
-
-        Parameters
-        ----------
-        X : Observation, or anything ``simulator.observe`` takes
-        y : None
-            Not used, present for scikit-learn.
+        """Simulate labelled errors, train the network, and read the error of one recording; see `BaseScreener.fit`.
 
         Raises
         ------
-        InputError
-            If an argument or the recording cannot be used.
         MissingExtraError
             If torch is not installed.
         """

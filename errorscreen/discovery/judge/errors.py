@@ -106,17 +106,7 @@ class ModelFit:
 
 
 def channel_fits(observation: Observation, responses: ArrayLike) -> list[ChannelFit]:
-    """Figures of each channel that was measured.
-
-    Parameters
-    ----------
-    observation : Observation
-    responses : array-like of shape (R, L)
-        Simulated channels.
-
-    Returns
-    -------
-    list of ChannelFit
+    """Figures of each channel that was measured, for simulated channels of shape (R, L).
 
     Examples
     --------
@@ -175,17 +165,7 @@ def stage_limits(observation: Observation) -> NDArray[np.float64]:
 
 
 def stage_errors(observation: Observation, responses: ArrayLike) -> list[StageError]:
-    """Where in time the error of each channel lies.
-
-    Parameters
-    ----------
-    observation : Observation
-    responses : array-like of shape (R, L)
-
-    Returns
-    -------
-    list of StageError
-        Of each stage in which something was measured.
+    """Where in time the error of each channel (R, L) lies, for each stage in which something was measured.
 
     Examples
     --------

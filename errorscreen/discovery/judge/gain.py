@@ -107,7 +107,7 @@ def measure_gain(
 ) -> Gain:
     """Compare simulators, each at its nominal values, on recordings that none of them was fitted to.
 
-    All of them take the step of `extended`: a smaller one is no gain of what was added.
+    All of them take the step of `extended`: a smaller one is no gain.
 
     Parameters
     ----------
@@ -117,8 +117,8 @@ def measure_gain(
         With what was found, at its fitted values.
     held_out : Observation, or anything ``old.observe`` takes, or a list of them
     fitted : Observation, or anything ``old.observe`` takes, or a list of them, optional
-        What `extended` was fitted to. The old model is recalibrated on it, and some wrong effects of its library are
-        fitted, the best of which is the placebo, unless they are given.
+        What `extended` was fitted to. Unless they are given, `recalibrated` and the best of some wrong effects, as
+        `placebo`, are fitted to it.
     recalibrated : Simulator, optional
         The old model with the parameters that fit best without the extension: the fair baseline. Without it and without
         `fitted` the old model is taken for calibrated.
@@ -127,7 +127,7 @@ def measure_gain(
     level : float
         Probability of the interval, between 0 and 1.
     random_state : None, int, SeedSequence, Generator or RandomState
-        Of the bootstrap, of calibrations, and of the choice among wrong effects with as many parameters.
+        Of the bootstrap, of calibrations, and of the choice among wrong effects.
 
     Returns
     -------
