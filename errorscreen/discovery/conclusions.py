@@ -90,12 +90,7 @@ def alike_text(names: Sequence[str]) -> str:
     return f" These recordings cannot tell it from: {', '.join(names)}." if names else ""
 
 
-def unknown_text(
-    tried: Sequence[str],
-    whole: bool,
-    base: Hypothesis,
-    closest: Hypothesis,
-) -> str:
+def unknown_text(tried: Sequence[str], whole: bool, base: Hypothesis, closest: Hypothesis) -> str:
     """Reasons for the verdict "unknown", with the tried effects, parameters alone (`base`) and the most evident fit."""
     leaves = f"χ²/N {base.chi2_per_sample:.3g}"
     if not base.at_rest:

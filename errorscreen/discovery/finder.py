@@ -22,14 +22,7 @@ from errorscreen.calibration.problem import FitProblem
 from errorscreen.calibration.result import Calibration, Estimate
 from errorscreen.data.observations import Observation
 from errorscreen.discovery import conclusions
-from errorscreen.discovery.diagnosis import (
-    EXTENDED,
-    NOMINAL,
-    PARAMETERS,
-    Diagnosis,
-    HypothesisFit,
-    simulated,
-)
+from errorscreen.discovery.diagnosis import EXTENDED, NOMINAL, PARAMETERS, Diagnosis, HypothesisFit, simulated
 from errorscreen.discovery.fits.candidates import candidates
 from errorscreen.discovery.fits.hypotheses import PRIOR, Hypothesis, parameters_only
 from errorscreen.discovery.judge.errors import ModelFit

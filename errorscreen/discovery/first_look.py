@@ -283,8 +283,7 @@ class FirstLook(RecordingEstimator):
         if self.estimator is not None:
             return clone(self.estimator)
         return contribution_pipeline(dt, seed).set_params(
-            cnncontributionregressor__max_epochs=_EPOCHS,
-            cnncontributionregressor__verbose=self.progress,
+            cnncontributionregressor__max_epochs=_EPOCHS, cnncontributionregressor__verbose=self.progress
         )
 
 
