@@ -191,9 +191,7 @@ class CauseFinder(RecordingEstimator):
         self.input_locations_: list[InputLocation] = []
         _log.info("fit of all parameters")
         self.calibrator_ = self._calibrate(observations)
-        self.n_simulations_ = self.calibrator_.n_simulations_ + len(
-            observations
-        )  # those of the nominal model
+        self.n_simulations_ = self.calibrator_.n_simulations_ + len(observations)  # the nominal ones
         self._journal = self._open_journal(observations, library)
         problem = FitProblem(self.simulator, list(observations))
         best = min(self.calibrator_.starts_, key=lambda start: start["objective"])
@@ -221,15 +219,10 @@ class CauseFinder(RecordingEstimator):
         if base is not first:  # a better minimum, or a smaller step
             self.calibrator_ = self._calibrate(base.observations, base)
             self.n_simulations_ += self.calibrator_.n_simulations_
-        self.residual_tests_, self.scores_, self.signatures_ = (
-            found.residual_tests,
-            found.scores,
-            found.signatures,
-        )
-        ranked = sorted(found.hypotheses, key=lambda h: -found.scores[h.name])
-        self.causes_, self.hypotheses_, count = with_profiles(
-            rank_causes(found), ranked, found.measured, self._seed
-        )
+        self.residual_tests_, self.scores_ = found.residual_tests, found.scores
+        self.signatures_ = found.signatures
+        ranked, causes = sorted(found.hypotheses, key=lambda h: -found.scores[h.name]), rank_causes(found)
+        self.causes_, self.hypotheses_, count = with_profiles(causes, ranked, found.measured, self._seed)
         self.n_simulations_ += found.n_simulations + count
         self._choose()
         self.diagnosis_ = self._diagnosis(observations, perf_counter() - started)
@@ -425,19 +418,14 @@ class CauseFinder(RecordingEstimator):
             text = conclusions.unknown_text(
                 self.tried_, self.effects is None, self._base, self.hypotheses_[0]
             )
-            if (
-                not self._base.at_rest
-            ):  # other parameters may fit better, so nobody can tell where the rest enters
+            # other parameters may fit better, so nobody can tell where the rest enters
+            if not self._base.at_rest:
                 return Verdict("unknown", text)
             self.input_locations_, self.groups_, count = self._located()
             self.n_simulations_ += count
             return Verdict("unknown", f"{text} {self._location_text(self.input_locations_)}")
-        alone = (
-            ""
-            if first.event
-            else " No recording was held out, so the gain is not confirmed on another event."
-        )
-        return Verdict(first.kind, self._named_text() + alone)
+        alone = " No recording was held out, so the gain is not confirmed on another event."
+        return Verdict(first.kind, self._named_text() + ("" if first.event else alone))
 
     def _named_text(self) -> str:
         return conclusions.named_text(self.causes_[0], self._chosen, self._base, self._alike)
@@ -506,27 +494,17 @@ class CauseFinder(RecordingEstimator):
         """The verdict of the fit with all that it rests on."""
         base, best = self._base, self._chosen
         named = self.verdict_.kind in _NAMED
-        test, score = self.residual_tests_[base.name], self.scores_[base.name]
+        cause = next((c for c in self.causes_ if c.name == best.name), None)
         found = Diagnosis(
             verdict=self.verdict_,
             causes=tuple(self.causes_),
             groups=tuple(self.groups_),
             input_locations=tuple(one.thinned() for one in self.input_locations_),
-            cells=test.significant[:_CELLS],
+            cells=self.residual_tests_[base.name].significant[:_CELLS],
             tried=self.tried_,
-            hypotheses=tuple(
-                HypothesisFit(
-                    h.name,
-                    h.chi2_per_sample,
-                    self.residual_tests_[h.name].p_value,
-                    self.scores_[h.name] - score,
-                )
-                for h in self.hypotheses_
-            ),
+            hypotheses=tuple(map(self._fit_of, self.hypotheses_)),
             extension=tuple(NamedEffect.of(effect) for effect in best.effects) if named else (),
-            parameters=tuple(
-                self._estimates(best, next((c for c in self.causes_ if c.name == best.name), None))
-            ),
+            parameters=tuple(self._estimates(best, cause)),
             calibration=Calibration.of(self.calibrator_, "map"),
             models=(),
             step=_step(self.extended_simulator_),
@@ -542,6 +520,10 @@ class CauseFinder(RecordingEstimator):
         if found.extension:
             responses[EXTENDED] = simulated(self.extended_simulator_, observations)
         return _with_models(found, tuple(observations), responses, seconds)
+
+    def _fit_of(self, hypothesis: Hypothesis) -> HypothesisFit:
+        name, evidence = hypothesis.name, self.scores_[hypothesis.name] - self.scores_[self._base.name]
+        return HypothesisFit(name, hypothesis.chi2_per_sample, self.residual_tests_[name].p_value, evidence)
 
     def _estimates(self, hypothesis: Hypothesis, cause: Cause | None) -> Iterator[Estimate]:
         """All parameters of a fitted model: those of the cause as profiled, all others by the linear model."""

@@ -82,9 +82,8 @@ def _estimate(p: _Json) -> _Json:
 
 def _cause(cause: _Json) -> _Json:
     words = {key: cause.get(key, "") for key in ("equation", "explanation")}
-    kept = {
-        k: v for k, v in cause.items() if k not in ("equation", "explanation", "confused_with", "parameters")
-    }
+    dropped = ("equation", "explanation", "confused_with", "parameters")
+    kept = {key: value for key, value in cause.items() if key not in dropped}
     effect = {
         "name": cause["name"],
         "original": cause["name"],
@@ -109,29 +108,16 @@ def _calibration(method: _Json) -> _Json:
 def _model(old: _Json, key: str) -> _Json:
     """Errors of all recordings before or after calibration."""
     every = old["diagnosis"]["recordings"]
-    channels = [
-        {
-            "recording": r["recording"],
-            "channel": c["channel"],
-            "unit": c["unit"],
-            "noise": c["noise"],
-            **c[key],
-        }
-        for r in every
-        for c in r["channels"]
-        if c.get(key)
-    ]
-    stages = [
-        {
-            "recording": r["recording"],
-            **{name: s[name] for name in ("channel", "stage", "start", "stop")},
-            **s[key],
-        }
-        for r in every
-        for s in r.get("stages", [])
-        if s.get(key)
-    ]
-    return {"channels": channels, "stages": stages}
+    kept = {"channels": ("channel", "unit", "noise"), "stages": ("channel", "stage", "start", "stop")}
+    return {
+        part: [
+            {"recording": r["recording"], **{name: row[name] for name in names}, **row[key]}
+            for r in every
+            for row in (r[part] if part == "channels" else r.get(part, []))
+            if row.get(key)
+        ]
+        for part, names in kept.items()
+    }
 
 
 def _fits(rows: Iterable[_Json], key: str) -> Iterator[_Json]:

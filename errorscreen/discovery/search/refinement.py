@@ -122,7 +122,7 @@ class Refinement(CandidateSet):
         """Continue the fits that a verdict rests on to their end."""
         for hypothesis in map(self.nearest, range(self.most_effects + 1)):
             if hypothesis is not None and not hypothesis.ended:
-                self._try_starts(hypothesis, lambda _, h=hypothesis: h.u[None], worth=0.0)
+                self._try_starts(hypothesis, partial(_own_point, hypothesis), worth=0.0)
 
     def improve_base(self) -> None:
         """Restart the fit without effects until nothing leads lower, because missing effects are judged against it."""
@@ -288,6 +288,10 @@ class Refinement(CandidateSet):
 
 def _problem_of(hypothesis: Hypothesis) -> FitProblem:
     return FitProblem(hypothesis.simulator, hypothesis.observations, hypothesis.names)
+
+
+def _own_point(hypothesis: Hypothesis, problem: FitProblem) -> _Array:
+    return hypothesis.u[None]
 
 
 def _has_many_minima(hypothesis: Hypothesis) -> bool:
