@@ -10,7 +10,7 @@ in the unit of the contributions (14) of parameters. It says nothing about noise
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -131,22 +131,15 @@ def effect_dataset(
     labels[status != Status.OK] = np.nan
     contributions = np.hstack([data.contributions, labels])
     contributions[status != Status.OK] = np.nan
-    return ErrorDataset(
-        np.hstack([data.theta, strengths]),
-        responses,
-        contributions,
-        data.baseline,
-        status,
-        (*data.names, *(effect.name for effect in chosen)),
-        data.channels,
-        data.time,
-        data.event,
-        {
-            **data.metadata,
-            "effects": [effect.name for effect in chosen],
-            "share": share,
-            "n_simulations": count,
-        },
+    names = [effect.name for effect in chosen]
+    return replace(
+        data,
+        theta=np.hstack([data.theta, strengths]),
+        responses=responses,
+        contributions=contributions,
+        status=status,
+        names=(*data.names, *names),
+        metadata={**data.metadata, "effects": names, "share": share, "n_simulations": count},
     )
 
 
