@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from os import PathLike
 from time import perf_counter
@@ -13,28 +13,22 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.utils.validation import check_is_fitted
 
-from errorscreen._runtime.estimators import RecordingEstimator
 from errorscreen._runtime.sampling import generator
 from errorscreen._runtime.store import Store, digest, program
 from errorscreen._runtime.threads import one_blas_thread
 from errorscreen.calibration import MAPCalibrator
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.calibration.result import Calibration, Estimate
 from errorscreen.data.observations import Observation
-from errorscreen.discovery import conclusions
-from errorscreen.discovery.diagnosis import EXTENDED, NOMINAL, PARAMETERS, Diagnosis, HypothesisFit, simulated
+from errorscreen.discovery.diagnosis import EXTENDED, NOMINAL, PARAMETERS, Diagnosis, simulated
 from errorscreen.discovery.fits.candidates import candidates
 from errorscreen.discovery.fits.hypotheses import PRIOR, Hypothesis, parameters_only
-from errorscreen.discovery.judge.errors import ModelFit
 from errorscreen.discovery.judge.gain import Gain, measure_gain
 from errorscreen.discovery.judge.profiles import with_profiles
-from errorscreen.discovery.judge.ranking import Cause, NamedEffect, half_width, rank_causes
+from errorscreen.discovery.judge.ranking import rank_causes
 from errorscreen.discovery.judge.residual_test import ResidualTest, residual_test
-from errorscreen.discovery.judge.separation import Group, differing, group_of
-from errorscreen.discovery.judge.verdict import Verdict, judge
 from errorscreen.discovery.search.journal import Journal
 from errorscreen.discovery.search.model_search import ModelSearch
-from errorscreen.discovery.unknown_input.locations import InputLocation, rank_input_locations
+from errorscreen.discovery.search_verdict import NAMED, SearchVerdict, with_models
 from errorscreen.effects.base import Effect
 from errorscreen.events import Event
 from errorscreen.exceptions import InputError, check_integer, check_real
@@ -48,16 +42,12 @@ if TYPE_CHECKING:
 
 #: least significance: smaller probabilities cannot be told apart by the bootstrap of `residual_test`
 _LEAST = 0.001
-#: most cells of the error that a result holds
-_CELLS = 12
-#: verdicts that name something
-_NAMED = ("effect", "measurement")
 
 _Array = NDArray[np.float64]
 _log = logging.getLogger(__name__)
 
 
-class CauseFinder(RecordingEstimator):
+class CauseFinder(SearchVerdict):
     r"""Find what a simulator lacks to reproduce recordings.
 
     All hypotheses (parameters only, each effect of the library, pairs of effects) are fitted together with all
@@ -188,7 +178,7 @@ class CauseFinder(RecordingEstimator):
         observations = as_observations(self.simulator, X)
         library = candidates(self.simulator, observations, self._names())
         self._seed = int(generator(self.random_state).integers(2**31))
-        self.input_locations_: list[InputLocation] = []
+        self.input_locations_ = []
         _log.info("fit of all parameters")
         self.calibrator_ = self._calibrate(observations)
         self.n_simulations_ = self.calibrator_.n_simulations_ + len(observations)  # the nominal ones
@@ -209,7 +199,7 @@ class CauseFinder(RecordingEstimator):
         self._nominal = tuple(self.simulator.baseline(o.event) for o in observations)
         test = self._test(observations, self._nominal)
         self._nothing_to_explain = test.p_value > self.significance
-        self.tried_: tuple[str, ...] = ()
+        self.tried_ = ()
         if self.max_effects and not self._nothing_to_explain:
             self.tried_ = tuple(effect.name for effect in library)
             found.run(library)
@@ -252,8 +242,8 @@ class CauseFinder(RecordingEstimator):
         started = perf_counter()
         others = self._others(held_out)
         changes: dict[str, Any] = {"confirmed": self.verdict_}
-        if self.verdict_.kind in _NAMED:
-            changes = self._confirmed_effects(others)
+        if self.verdict_.kind in NAMED:
+            changes = self._confirmed_effects(self.measure_gain(others))
         elif self.verdict_.kind != "unknown":
             verdict = self._judged(others)
             changes = {"confirmed": verdict, **({"groups": ()} if verdict.kind == "unknown" else {})}
@@ -264,7 +254,7 @@ class CauseFinder(RecordingEstimator):
         more = {
             label: (*found.responses[label], *simulated(model, others)) for label, model in models.items()
         }
-        return _with_models(found, (*found.observations, *others), more, perf_counter() - started)
+        return with_models(found, (*found.observations, *others), more, perf_counter() - started)
 
     def measure_gain(self, held_out: Any) -> Gain:
         """Gain of the extended simulator on recordings that were not fitted.
@@ -395,77 +385,6 @@ class CauseFinder(RecordingEstimator):
         z = [o.deviations(y)[o.mask] for o, y in zip(observations, responses, strict=True)]
         return residual_test(observations, np.concatenate(z), random_state=self._seed)
 
-    def _choose(self) -> None:
-        """Verdict, groups and the extended simulator."""
-        by_name, first = {h.name: h for h in self.hypotheses_}, self.causes_[0]
-        self._chosen = by_name.get(first.name, self._base)
-        self.groups_: list[Group] = []
-        least = conclusions.ALIKE * first.probability
-        alike = [by_name[c.name] for c in self.causes_ if c.name in by_name and c.probability >= least]
-        if first.kind != "unknown" and len(alike) > 1:
-            self.groups_ = [group_of(alike, self.events or ())]
-        fair = self.simulator.with_step_of(self._chosen.simulator)
-        self.recalibrated_simulator_ = fair.with_nominal(self._base.theta)
-        self.placebo_ = conclusions.placebo(self.hypotheses_, self._chosen, self.causes_)
-        self.extended_simulator_ = self._chosen.simulator.with_nominal(self._chosen.theta)
-        self.verdict_ = self._verdict()
-
-    def _verdict(self) -> Verdict:
-        first = self.causes_[0]
-        if self._nothing_to_explain or first.kind == "parameters":
-            return self._judged()
-        if first.kind == "unknown":
-            text = conclusions.unknown_text(
-                self.tried_, self.effects is None, self._base, self.hypotheses_[0]
-            )
-            # other parameters may fit better, so nobody can tell where the rest enters
-            if not self._base.at_rest:
-                return Verdict("unknown", text)
-            self.input_locations_, self.groups_, count = self._located()
-            self.n_simulations_ += count
-            return Verdict("unknown", f"{text} {self._location_text(self.input_locations_)}")
-        alone = " No recording was held out, so the gain is not confirmed on another event."
-        return Verdict(first.kind, self._named_text() + ("" if first.event else alone))
-
-    def _named_text(self) -> str:
-        return conclusions.named_text(self.causes_[0], self._chosen, self._base, self._alike)
-
-    @property
-    def _alike(self) -> tuple[str, ...]:
-        """Explanations that the recordings cannot tell from the first one."""
-        return self.groups_[0].names[1:] if self.groups_ else ()
-
-    def _judged(self, held_out: Sequence[Observation] = ()) -> Verdict:
-        """Verdict where no effect is needed."""
-        passes = self._nothing_to_explain, True
-        verdict = judge(self._base.observations, self._nominal, self.calibrator_, held_out, passes=passes)
-        if verdict.kind != "parameters":
-            return verdict
-        left = conclusions.conspicuous_text(self.residual_tests_[self._base.name], self.significance)
-        return replace(verdict, text=verdict.text + left + conclusions.alike_text(self._alike))
-
-    def _confirmed_effects(self, others: Sequence[Observation]) -> dict[str, Any]:
-        """Changes of the diagnosis from the gain of the named effects on held-out recordings."""
-        first, gain = self.causes_[0], self.measure_gain(others)
-        # an effect of one recording alone gains nothing on others: only a loss speaks against it
-        if gain.interval[1] >= 0 if first.event else gain.holds:
-            text = self._named_text() + conclusions.placebo_text(gain)
-            return {"gain": gain, "confirmed": Verdict(self.verdict_.kind, text)}
-        locations, groups, count = self._located()
-        text = f"{conclusions.withdrawn_text(first, gain)} {self._location_text(locations)}"
-        return {
-            "gain": gain,
-            "confirmed": Verdict("unknown", text),
-            "causes": tuple(conclusions.withdrawn(self.causes_)),
-            "groups": tuple(groups),
-            "input_locations": tuple(one.thinned() for one in locations),
-            "extension": (),
-            "parameters": tuple(self._estimates(self._base, None)),
-            "step": _step(self.recalibrated_simulator_),
-            "extended": self.recalibrated_simulator_,
-            "n_simulations": self.diagnosis_.n_simulations + count,
-        }
-
     def _others(self, held_out: Any) -> list[Observation]:
         """Recordings as observations, if none of them was fitted."""
         others = as_observations(self.simulator, held_out)
@@ -476,75 +395,3 @@ class CauseFinder(RecordingEstimator):
                     allowed="recordings that were not fitted",
                 )
         return others
-
-    @one_blas_thread
-    def _located(self) -> tuple[list[InputLocation], list[Group], int]:
-        """Where an unknown input enters, locations that cannot be told apart, and the simulations that it took."""
-        locations, count = rank_input_locations(self._base, self._journal)
-        alike = conclusions.alike_locations(locations)
-        if len(alike) < 2:
-            return locations, [], count
-        states = differing([one.states for one in alike])
-        return locations, [Group(tuple(one.name for one in alike), (), states)], count
-
-    def _location_text(self, locations: Sequence[InputLocation]) -> str:
-        return conclusions.location_text(locations, self.simulator)
-
-    def _diagnosis(self, observations: Sequence[Observation], seconds: float) -> Diagnosis:
-        """The verdict of the fit with all that it rests on."""
-        base, best = self._base, self._chosen
-        named = self.verdict_.kind in _NAMED
-        cause = next((c for c in self.causes_ if c.name == best.name), None)
-        found = Diagnosis(
-            verdict=self.verdict_,
-            causes=tuple(self.causes_),
-            groups=tuple(self.groups_),
-            input_locations=tuple(one.thinned() for one in self.input_locations_),
-            cells=self.residual_tests_[base.name].significant[:_CELLS],
-            tried=self.tried_,
-            hypotheses=tuple(map(self._fit_of, self.hypotheses_)),
-            extension=tuple(NamedEffect.of(effect) for effect in best.effects) if named else (),
-            parameters=tuple(self._estimates(best, cause)),
-            calibration=Calibration.of(self.calibrator_, "map"),
-            models=(),
-            step=_step(self.extended_simulator_),
-            n_simulations=self.n_simulations_,
-            seconds=0.0,
-            calibrated=self.recalibrated_simulator_,
-            extended=self.extended_simulator_,
-        )
-        responses = {
-            NOMINAL: self._nominal,
-            PARAMETERS: simulated(self.recalibrated_simulator_, observations),
-        }
-        if found.extension:
-            responses[EXTENDED] = simulated(self.extended_simulator_, observations)
-        return _with_models(found, tuple(observations), responses, seconds)
-
-    def _fit_of(self, hypothesis: Hypothesis) -> HypothesisFit:
-        name, evidence = hypothesis.name, self.scores_[hypothesis.name] - self.scores_[self._base.name]
-        return HypothesisFit(name, hypothesis.chi2_per_sample, self.residual_tests_[name].p_value, evidence)
-
-    def _estimates(self, hypothesis: Hypothesis, cause: Cause | None) -> Iterator[Estimate]:
-        """All parameters of a fitted model: those of the cause as profiled, all others by the linear model."""
-        linear = hypothesis.intervals(half_width(hypothesis, exact=cause is not None and cause.exact))
-        profiled = {p.name: p for p in cause.parameters} if cause is not None else {}
-        for p in hypothesis.simulator.parameters:
-            yield profiled.get(p.name) or Estimate.of(p, *linear[p.name])
-
-
-def _step(simulator: Simulator) -> float:
-    return float(getattr(simulator, "step", np.nan))
-
-
-def _with_models(
-    found: Diagnosis,
-    observations: tuple[Observation, ...],
-    responses: dict[str, tuple[_Array, ...]],
-    seconds: float,
-) -> Diagnosis:
-    """The same with the errors of its models."""
-    models = tuple(ModelFit.of(label, observations, every) for label, every in responses.items())
-    return replace(
-        found, models=models, observations=observations, responses=responses, seconds=found.seconds + seconds
-    )
