@@ -34,7 +34,7 @@ def one_blas_thread(function: Callable[_P, _T]) -> Callable[_P, _T]:
 
 def parallel_map(calls: Iterable[Callable[[], _T]], threads: int) -> list[_T]:
     """Make calls in `threads` threads, of which the caller's is one; results keep their order.
-    Each call must have its own random numbers. After an exception no further call starts, and after Ctrl-C none is
+    Each call needs random numbers of its own. After an exception no further call starts, and after Ctrl-C none is
     awaited. With one thread, calls may use threads of their own.
     """
     calls = list(calls)

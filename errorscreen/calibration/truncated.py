@@ -31,9 +31,10 @@ def sample_truncated_normal(
 ) -> _Array:
     r"""Draw n samples (n, k) from :math:`N(\mu, P^{-1})` inside the box :math:`l \le x \le u`, from 64 chains.
 
-    Gibbs sampling, in turn along the eigenvectors of the precision matrix and along the axes. Along a direction the
-    density is a normal distribution cut off at both ends, which is drawn exactly. The eigenvectors cross a long and
-    thin distribution at once; the axes lead out of a corner of the box. Best start at a point of high density.
+    Gibbs sampling, in turn along the eigenvectors of the precision matrix and along the axes; along a direction the cut
+    normal distribution is drawn exactly. Eigenvectors cross a long and thin distribution at once; axes lead out of a
+    corner of the box. The chains begin at `start`, best a point of high density; the mean, moved into the box, where
+    not given.
     """
     mean, lower, upper = (np.asarray(v, dtype=float) for v in (mean, lower, upper))
     if not (np.all(np.isfinite(lower) & np.isfinite(upper)) and np.all(lower < upper)):

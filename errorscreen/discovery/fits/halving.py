@@ -26,7 +26,7 @@ def try_all(calls: Iterable[Callable[[], _T]], threads: int) -> list[_T | None]:
 
 
 def fit_to_end(fits: Iterable[JointFit | None], threads: int) -> list[JointFit]:
-    """Continue fits in parallel (None: failed, left out); stop those that ended or are too far above the best."""
+    """Continue fits in parallel until they end or are too far above the best; a None (see `try_all`) is left out."""
     started = [fit for fit in fits if fit is not None]
     running = started
     for _ in range(SLICES):

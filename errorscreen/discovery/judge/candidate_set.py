@@ -75,7 +75,7 @@ class CandidateSet:
         return self.residual_tests[hypothesis.name].excess < share * whole
 
     def adds(self, hypothesis: Hypothesis) -> bool:
-        """Whether each effect adds something: fewer of them, where fitted, leave notably more χ² beyond noise."""
+        """Whether each effect adds something: every fitted subset leaves notably more χ² beyond expected noise."""
         own = set(hypothesis.effects)
         fewer = (h for h in self.hypotheses if h.effects and set(h.effects) < own)
         left = hypothesis.chi2 - len(hypothesis.residuals)

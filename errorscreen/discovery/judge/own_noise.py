@@ -40,10 +40,9 @@ def refitted(
     hypothesis: Hypothesis, measured: Sequence[Observation], random_state: Any = 0
 ) -> tuple[Hypothesis, _Array, int]:
     """A hypothesis fitted with its own noise, the ends (s, k) of fits from other starts, and the number of simulations.
-    Effects can have several minima that differ by less than noise does, such as a dead band of which one edge is known.
-    So fits also start at drawn values of their parameters where (D2) is lowest. The noise energy does not follow
-    effects smoothly, so its slope along their parameters is left out. A hypothesis that cannot be fitted stays as it
-    is.
+    An effect can have several minima that differ by less than noise, such as a dead band of which one edge is known. So
+    fits also start at drawn values of its parameters where (D2) is lowest. The noise energy does not follow effects
+    smoothly, so its slope along their parameters is left out. Where nothing can be fitted the hypothesis stays.
     """
     observations = own_noise(hypothesis, hypothesis.simulator, measured)
     problem = FitProblem(hypothesis.simulator, observations, hypothesis.names)

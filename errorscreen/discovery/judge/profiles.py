@@ -40,14 +40,15 @@ def with_profiles(
     random_state: int = 0,
 ) -> tuple[list[Cause], list[Hypothesis], int]:
     r"""Causes with final values and profiled intervals of their parameters; their last fits; the number of simulations.
+
     Probable causes are fitted once more with their own noise (`refitted`). Then each parameter is moved away from its
     value while all others are fitted again inside their bounds, as long as
 
     .. math:: F(\theta_j) \le F(\hat\theta) + w^2
 
     with w the half width in standard deviations (profile likelihood: Venzon and Moolgavkar, Applied Statistics 37,
-    1988), at most to the prior's interval. Thresholds and timers need it: their derivative is zero between the values
-    that act.
+    1988), at most to the prior's interval. Thresholds and timers have no slope that holds for long, so the linear model
+    fails.
     """
     fits, told, count = {h.name: h for h in hypotheses}, [], 0
     for cause in causes:
@@ -79,8 +80,8 @@ def _profiled(cause: Cause, hypothesis: Hypothesis, others: _Array) -> tuple[tup
 def profile(
     hypothesis: Hypothesis, name: str, width: float, others: ArrayLike = ()
 ) -> tuple[float, float, int]:
-    """Ends of a parameter's profile interval of a half width in standard deviations, and its simulations.
-    Where other fits have ended, `others` (s, k) in units of the scales, belongs to the interval if it does as well.
+    """Ends of a parameter's profile interval for a half width in standard deviations, and the simulations that it took.
+    The ends of other fits, `others` (s, k) in units of the scales, belong to the interval if they fit as well.
     """
     path = _Path(hypothesis, name, width, others)
     low, high = (path.end(sign) for sign in (-1.0, 1.0))
@@ -131,7 +132,7 @@ class _Path:
         return float(good[self._j])
 
     def _followed(self, value: float, near: _Array) -> _Array | None:
-        """Others led from a near value to where the objective is below the limit; None if they cannot be."""
+        """The other parameters led from those of a near value to below the limit; None if that fails."""
         starts = [near + (value - near[self._j]) * way for way in self._ways]
         search = BoundedSearch(
             lambda v: self.problem.residuals(self.problem.values(np.insert(v, self._j, value, axis=1))),

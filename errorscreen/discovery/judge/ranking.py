@@ -174,8 +174,8 @@ def _exact(found: CandidateSet) -> list[Cause]:
 
 
 def _form_alone(found: CandidateSet, causes: list[Cause]) -> bool:
-    """Whether the second of two named effects only makes up for the form of the first: alone the first leaves a trace,
-    or nearly nothing that the second mends (the two passed for noise by luck).
+    """Whether the second of two named effects only makes up for the form of the first: the first alone leaves a trace,
+    or explains nearly all while the second hardly lowers the rest.
     """
     first = max(causes, key=lambda c: c.probability)
     if len(first.effects) < 2:
@@ -190,8 +190,8 @@ def _form_alone(found: CandidateSet, causes: list[Cause]) -> bool:
 
 
 def _with_two(found: CandidateSet, alone: list[Cause], exact: list[Cause]) -> list[Cause]:
-    """Single effects in another form than the library's, and the two that leave only noise if the second mends the
-    rest. A trace may be another form of the one or little of a second effect: both get the same probability.
+    """Single effects in another form than the library's, and the two that leave only noise if the second lowers the
+    rest. The rest of the one may be its form or a weak second effect: both get the same probability.
     """
     two = max(exact, key=lambda c: c.probability)
     one = max((c for c in alone if set(c.effects) <= set(two.effects)), key=lambda c: c.probability)
@@ -251,7 +251,7 @@ def _estimates(hypothesis: Hypothesis, effect: Effect, exact: bool) -> Iterator[
 def stamped(
     hypothesis: Hypothesis, name: str, interval: tuple[float, float, float]
 ) -> tuple[float, float, float]:
-    """Value and ends of a parameter's interval, wider for a time: known no better than readings were taken."""
+    """Value and ends of a parameter's interval; a time is known no better than its readings were stamped."""
     own = hypothesis.simulator.parameters[name]
     played = [o.event for o in hypothesis.observations if isinstance(o.event, Playback)]
     timers = [e.local(p.name) for e in hypothesis.effects if e.minima > 1 for p in e.parameters]

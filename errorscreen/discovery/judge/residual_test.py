@@ -190,8 +190,8 @@ def _drawn(observations: Sequence[Observation], jacobian: _Array, null: _Array) 
 def _compared(
     energy: _Array, draw: Callable[[int], _Array], n_bootstrap: int
 ) -> tuple[_Array, _Array, _Array]:
-    """Mean noise and excess of each cell (cells,), and the largest excess of each draw.
-    The mean is of the first draws for all residuals, because fits are compared by it.
+    """Mean energy of noise and excess of each cell (cells,), and the largest excess of each draw (n,).
+    The mean is that of the first draws for all residuals, because fits are compared by it.
     """
     first = drawn = draw(min(n_bootstrap, _FIRST_DRAWS))
     excess, largest = _excess(energy, drawn)

@@ -81,7 +81,7 @@ def group_of(members: Sequence[Hypothesis], events: Iterable[Event]) -> Group:
 
 
 def separating(members: Sequence[Hypothesis], events: Iterable[Event]) -> tuple[Separation, ...]:
-    """Channels of events in which hypotheses differ, the largest difference first; where all can be simulated."""
+    """Differences of hypotheses in each channel of the events that all of them can simulate, the largest first."""
     found = []
     reference = members[0].observations[0]
     for event in events:
@@ -118,7 +118,7 @@ def device_name(simulator: Simulator, device: str) -> str:
 
 
 def differing(members: Sequence[States]) -> tuple[StateDifference, ...]:
-    """States in which explanations differ most, the largest difference first; of states that all of them have."""
+    """States that all explanations have and in which they differ most, the largest difference first."""
     found = []
     for key in set.intersection(*(set(states) for states in members)):
         rows = np.array([states[key] for states in members])
