@@ -55,14 +55,13 @@ def read(
     f_nominal : float
         Nominal frequency in Hz.
     time : str, optional
-        Header of the time stamps. Where not given, the column ``time`` or ``t``; of a table without one, the index.
+        Header of the time stamps; the column ``time`` or ``t``, or the index of a table, where not given.
     time_unit : {"s", "ms", "us", "min", "h", "iso"}, optional
         Where not given, the unit in the header, or seconds.
     format : str, optional
         Name in `errorscreen.data.READERS`; recognised by the content of the file where not given.
     **options
-        As in `errorscreen.data.read_csv` for a file and `errorscreen.data.from_frame` otherwise, for example
-        `base_kv`, `event_time`, `t_start`.
+        Of `errorscreen.data.read_csv` for a file and `errorscreen.data.from_frame` otherwise: `base_kv`, `t_start`, …
 
     Returns
     -------
@@ -152,7 +151,7 @@ def calibrate(
     random_state: Any = 0,
     **options: Any,
 ) -> BaseCalibrator:
-    """Fit parameters of a simulator to one recording or to several together.
+    """Fit parameters of a simulator to one recording or to several together, and return the fitted calibrator.
 
     Parameters
     ----------
@@ -166,17 +165,10 @@ def calibrate(
     **options
         Further arguments of the calibrator.
 
-    Returns
-    -------
-    BaseCalibrator
-        Fitted.
-
     Raises
     ------
-    InputError
-        If an argument or a recording cannot be used.
-    SimulationError
-        If nothing can be simulated.
+    InputError, SimulationError
+        If an argument or a recording cannot be used, or nothing can be simulated.
 
     Examples
     --------
@@ -200,7 +192,7 @@ def find_causes(
     random_state: Any = 0,
     **options: Any,
 ) -> CauseFinder:
-    """Find what a simulator lacks to reproduce one recording or several together.
+    """Find what a simulator lacks to reproduce one recording or several together; return the fitted finder.
 
     Parameters
     ----------
@@ -212,17 +204,10 @@ def find_causes(
     **options
         Further arguments of `errorscreen.discovery.CauseFinder`, for example `max_effects`.
 
-    Returns
-    -------
-    CauseFinder
-        Fitted.
-
     Raises
     ------
-    InputError
-        If an argument or a recording cannot be used.
-    SimulationError
-        If nothing can be simulated.
+    InputError, SimulationError
+        If an argument or a recording cannot be used, or nothing can be simulated.
 
     Examples
     --------

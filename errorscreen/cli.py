@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import io
-import logging
 import os
 import shutil
 import signal
@@ -14,10 +13,12 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from errorscreen import __version__
+from errorscreen._runtime.log_lines import at_each_line
 from errorscreen.exceptions import ErrorscreenError, InputError
 
 #: exit codes: bad input, a failure on the way, interrupted (as shells count it)
@@ -51,7 +52,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     warnings.showwarning = _show_warning
     out = options.default_out if options.out is None else options.out
     try:
-        with _talking(not getattr(options, "quiet", False)):
+        with at_each_line(partial(_line, not getattr(options, "quiet", False))):
             options.command(options, out)
     except ErrorscreenError as error:
         print(f"errorscreen: {error}", file=sys.stderr)
@@ -70,10 +71,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def script() -> None:
-    """Entry point of the ``errorscreen`` command: `main`, then the end of the process.
-
-    After Ctrl-C the process ends at once. Otherwise Python would kill it by the signal instead of returning 130 if the
-    interrupt fell into code that a library had generated while it was being imported.
+    """Entry point of the ``errorscreen`` command: `main`, then the end of the process, at once after Ctrl-C.
+    Otherwise the signal would end Python without 130 if it fell into code that a library generated on import.
     """
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _interrupt)
@@ -90,33 +89,12 @@ def _interrupt(number: int, frame: Any) -> None:
     raise KeyboardInterrupt
 
 
-class _Console(logging.Handler):
-    """Print lines of progress, and raise an interrupt again that a library has swallowed."""
-
-    def __init__(self, show: bool) -> None:
-        super().__init__(logging.INFO)
-        self._show = show
-
-    def emit(self, record: logging.LogRecord) -> None:
-        """Print one line."""
-        if _interrupts:
-            raise KeyboardInterrupt
-        if self._show:
-            print(record.getMessage(), file=sys.stderr, flush=True)
-
-
-@contextmanager
-def _talking(show: bool) -> Iterator[None]:
-    """Show the log of the package on the console while a command runs."""
-    logger, handler = logging.getLogger("errorscreen"), _Console(show)
-    level = logger.level
-    logger.addHandler(handler)
-    logger.setLevel(logging.INFO)
-    try:
-        yield
-    finally:
-        logger.removeHandler(handler)
-        logger.setLevel(level)
+def _line(show: bool, text: str) -> None:
+    """Print a line of progress, and raise an interrupt again that a library has swallowed."""
+    if _interrupts:
+        raise KeyboardInterrupt
+    if show:
+        print(text, file=sys.stderr, flush=True)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -165,22 +143,13 @@ def _parser() -> argparse.ArgumentParser:
     paper.add_argument("--draws", type=int, default=100, help="hidden parameter vectors (default 100)")
     paper.add_argument("--seed", type=int, default=0, help="of everything that is drawn (default 0)")
     paper.add_argument(
-        "--noise-db",
-        type=float,
-        default=None,
-        help="level of the response over its noise; no noise where not given",
+        "--noise-db", type=float, help="level of the response over its noise; no noise where not given"
     )
     paper.add_argument(
-        "--samples",
-        type=int,
-        default=None,
-        help="simulated errors with exact labels that the network learns from",
+        "--samples", type=int, help="simulated errors with exact labels that the network learns from"
     )
     paper.add_argument(
-        "--enlarged",
-        type=int,
-        default=None,
-        help="further ones, with labels by a regression of the exact ones",
+        "--enlarged", type=int, help="further ones, with labels by a regression of the exact ones"
     )
     paper.add_argument(
         "--network",
@@ -205,7 +174,6 @@ def _parser() -> argparse.ArgumentParser:
     found.add_argument(
         "--largest-size",
         type=float,
-        default=None,
         help="scale effects to sizes drawn between the two, evenly by order of magnitude (default: as drawn)",
     )
     found.add_argument("--jobs", type=int, default=-1, help="processes (default: one for each core)")
@@ -265,9 +233,7 @@ def _case_folder(
     options: argparse.Namespace, case: Any, out: str | None, kind: str, within: str = ""
 ) -> Path:
     """Output folder: the one asked for, that of the case file, or one beside the caller.
-
-    The case file states one folder for several commands: each but `run` has one of its own in it, `within`, so that it
-    does not overwrite the report of another.
+    In the folder of the case file, each command but `run` has one of its own (`within`).
     """
     path = Path(options.case)
     if out is not None:

@@ -44,16 +44,7 @@ def html_table(title: str, facts: Mapping[str, Any]) -> str:
 
 
 class Displayed:
-    """Mixin for a short repr and a notebook table, both from `_facts`.
-
-    Examples
-    --------
-    >>> class Pump(Displayed):
-    ...     def _facts(self):
-    ...         return {"bus": 4, "power": "2 MW"}
-    >>> Pump()
-    Pump(bus: 4, power: 2 MW)
-    """
+    """Mixin for a short repr and a notebook table, both from `_facts`."""
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)

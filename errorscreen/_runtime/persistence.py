@@ -1,9 +1,4 @@
-"""Files that are complete or absent, say what they are, and run no code when they are read.
-
-Every file of the package carries a format name and a version. Writers fill a temporary file in the same folder and move
-it into place, so an interrupted run leaves the old file or the new one. Readers accept the one format and version that
-they know, and report what they found instead.
-"""
+"""Files that are complete or absent, carry a format name and a version, and run no code when they are read."""
 
 from __future__ import annotations
 
@@ -64,18 +59,7 @@ def write_text_atomic(path: _Path, text: str) -> Path:
 
 
 def to_jsonable(value: Any) -> Any:
-    """Turn NumPy values, tuples, paths and mappings into JSON values; numbers that are not finite become None.
-
-    Raises
-    ------
-    InputError
-        If a value of another type, or a key that is not a string, is met.
-
-    Examples
-    --------
-    >>> to_jsonable({"c": np.array([1.0, np.nan]), "n": np.int64(2)})
-    {'c': [1.0, None], 'n': 2}
-    """
+    """Turn NumPy values, tuples, paths and mappings into JSON values; numbers that are not finite become None."""
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if value is None or isinstance(value, str | bool | int):
@@ -107,10 +91,7 @@ def write_json_atomic(
 
 
 def read_json(path: _Path, *, format: str, version: int) -> dict[str, Any]:
-    """Read a JSON file that `write_json_atomic` wrote, without its ``format`` and ``version``.
-
-    Raises `InputError` if the file is missing, is not JSON, or is of another format or version.
-    """
+    """Read a file of `write_json_atomic`; `InputError` if it is missing, no JSON, or of another format or version."""
     data = _header_in(_existing(path).read_bytes(), path, format, version)
     return {key: value for key, value in data.items() if key not in ("format", "version")}
 
@@ -123,29 +104,7 @@ def save_arrays(
     arrays: Mapping[str, ArrayLike],
     meta: Mapping[str, Any] | None = None,
 ) -> Path:
-    """Write named arrays and a JSON header into one ``.npz`` file, completely or not at all.
-
-    Parameters
-    ----------
-    path : path-like
-        Used as it is; no suffix is added.
-    format, version : str and int
-        For example ``"errorscreen-dataset"`` and 1.
-    arrays : mapping of str to array-like
-        Numbers, booleans or text; not Python objects.
-    meta : mapping, optional
-        Values that `to_jsonable` accepts.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = save_arrays(
-    ...         Path(folder) / "a.npz", format="demo", version=1, arrays={"x": [1, 2]}, meta={"unit": "pu"}
-    ...     )
-    ...     load_arrays(path, format="demo", version=1)
-    ({'x': array([1, 2])}, {'unit': 'pu'})
-    """
+    """Write named arrays (no Python objects) and a JSON header into one ``.npz`` file, completely or not at all."""
     content = {name: _plain(name, array) for name, array in arrays.items()}
     content[_HEADER] = np.frombuffer(_header(format, version, meta), dtype=np.uint8)
     path = Path(path)
@@ -155,10 +114,7 @@ def save_arrays(
 
 
 def load_arrays(path: _Path, *, format: str, version: int) -> _Content:
-    """Read arrays and meta that `save_arrays` wrote; no code in the file is run.
-
-    Raises `InputError` if the file is missing, damaged, or of another format or version.
-    """
+    """Read arrays and meta of `save_arrays`; `InputError` if the file is missing, damaged, or of another kind."""
     existing = _existing(path)
     try:
         # opened here, because numpy leaves a damaged file open
@@ -178,10 +134,7 @@ def save_tensors(
     arrays: Mapping[str, ArrayLike],
     meta: Mapping[str, Any] | None = None,
 ) -> Path:
-    """Write arrays and a JSON header into one safetensors file; as `save_arrays`, with the ``cnn`` extra.
-
-    Weights and configuration share one file, so they cannot come apart.
-    """
+    """Write arrays and a JSON header into one safetensors file; as `save_arrays`, with the ``cnn`` extra."""
     try:
         from safetensors.numpy import save
     except ImportError as error:

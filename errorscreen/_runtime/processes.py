@@ -44,7 +44,6 @@ class Call(Generic[_T]):
 
     def result(self) -> _T:
         """Wait for the result and return it, or raise the error of the call; repeat its warnings here.
-
         Raises `BrokenExecutor` if the process could not start or was killed: the call can still be made here.
         """
         found, warned = self._future.result()
@@ -56,18 +55,8 @@ class Call(Generic[_T]):
 @contextmanager
 def in_subprocess(function: Callable[_P, _T], *args: _P.args, **kwargs: _P.kwargs) -> Iterator[Call[_T]]:
     """Start a call in a process of its own, which ends with the block, whether the call is done or not.
-
-    It helps where much of the time is spent in the interpreter, whose lock threads share. The function and its
-    arguments are copied; changes of them stay in the other process. Settings of joblib and threadpoolctl do not carry
-    over.
-
-    Examples
-    --------
-    >>> with in_subprocess(pow, 2, 10) as call:
-    ...     here = sum(range(10))
-    ...     there = call.result()
-    >>> here, there
-    (45, 1024)
+    It helps where much of the time is spent in the interpreter, whose lock threads share. Function and arguments are
+    copied; settings of joblib and threadpoolctl do not carry over.
     """
     future: Future[tuple[_T, list[Warning | str]]] = Future()
     pool = None

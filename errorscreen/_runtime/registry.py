@@ -17,32 +17,9 @@ _log = logging.getLogger(__name__)
 
 
 class Registry(Mapping[str, T], Generic[T]):
-    """Objects by name in the order of registration, then objects of other packages by alphabet.
-
-    Another package adds an object by an entry point of the registry's group. It is imported when its name is looked up.
-
-    Parameters
-    ----------
-    kind : str
-        Noun for messages, for example ``"device"``.
-    group : str
-        Group of entry points, for example ``"errorscreen.devices"``.
-    base : type
-        Class of the objects.
-    items : mapping of str to object
-        The package's own objects.
-    classes : bool
-        Whether subclasses of `base` are registered instead of its instances.
-
-    Examples
-    --------
-    >>> numbers = Registry("number", "errorscreen.no_such_group", int, {"one": 1})
-    >>> numbers.register("two", 2)
-    >>> list(numbers), numbers["two"]
-    (['one', 'two'], 2)
-    >>> numbers["on"]
-    Traceback (most recent call last):
-    errorscreen.exceptions.InputError: unknown number 'on' (did you mean 'one'?). Allowed: one, two.
+    """Objects by name in the order of registration, then those of other packages by alphabet.
+    Another package adds one by an entry point of the group, which is imported when its name is looked up. With
+    `classes`, subclasses of `base` are registered instead of its instances; `kind` is the noun of messages.
     """
 
     def __init__(
@@ -55,13 +32,7 @@ class Registry(Mapping[str, T], Generic[T]):
             self.register(name, item)
 
     def register(self, name: str, item: T) -> None:
-        """Add an object under a name of its own, in this process only.
-
-        Raises
-        ------
-        InputError
-            If the name is taken or the object is of another class.
-        """
+        """Add an object under a name of its own, in this process only; `InputError` if the name or class is wrong."""
         where = f"{self.kind} {name!r}"
         if name in self._items or name in (self._others or ()):
             raise InputError(
@@ -70,19 +41,7 @@ class Registry(Mapping[str, T], Generic[T]):
         self._items[name] = self._checked(item, where)
 
     def find(self, name: str, where: str | None = None) -> T:
-        """Return the object of a name.
-
-        Parameters
-        ----------
-        name : str
-        where : str, optional
-            File, key or argument that holds the name, for the message.
-
-        Raises
-        ------
-        InputError
-            If the name is unknown or its entry point does not load.
-        """
+        """Object of a name; `InputError` (with the place `where`) if it is unknown or its entry point does not load."""
         if name in self._items:
             return self._items[name]
         if name not in self:

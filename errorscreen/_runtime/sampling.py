@@ -13,10 +13,7 @@ from errorscreen.parameters import ParameterSpace
 
 
 def generator(random_state: Any = None) -> np.random.Generator:
-    """Return a generator for a ``random_state`` of scikit-learn or NumPy, or raise `InputError`.
-
-    A Generator is returned itself, so that it advances; None draws fresh entropy.
-    """
+    """Generator for a ``random_state``, or `InputError`. A Generator is returned itself; None draws fresh entropy."""
     if isinstance(random_state, np.random.RandomState):
         # one draw: the same state gives the same samples, and the next call gives others
         random_state = random_state.randint(2**31 - 1)

@@ -1,8 +1,6 @@
 """Finished parts of a long computation in a folder, so that an interrupted run resumes.
 
-joblib.Memory and diskcache are no substitute: both unpickle what they read, and reading a file must run no code. Here
-the key of an entry also covers the code of the package, and a folder that belongs to another run is refused with the
-names of the inputs that differ.
+joblib.Memory and diskcache are no substitute: they unpickle what they read, and reading a file must run no code.
 """
 
 from __future__ import annotations
@@ -32,36 +30,9 @@ Entry = tuple[_Arrays, dict[str, Any]]
 
 class Store:
     """A folder of entries, each with arrays and JSON values, that depend on the same inputs.
-
-    An entry is written completely or not at all, so a killed run loses only its unfinished parts. Several runs of the
-    same inputs may share a folder. A damaged entry is reported in the log and computed again.
-
-    Parameters
-    ----------
-    folder : path-like
-        Made where it does not exist.
-    fingerprint : mapping of str to str, optional
-        `digest` of each input, by a name that the user understands. The folder then belongs to these inputs.
-
-    Attributes
-    ----------
-    reused : list of str
-        Names of the entries that `get` found, here and in the stores `under` this one.
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be used, or belongs to a run with other inputs.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     for _ in range(2):
-    ...         store = Store(folder, {"seed": digest(0)})
-    ...         arrays, values = store.get("fit", lambda: ({"x": np.ones(2)}, {"seconds": 1.5}))
-    >>> values, store.reused
-    ({'seconds': 1.5}, ['fit'])
+    An entry is written completely or not at all; several runs may share a folder. The `fingerprint` has the `digest` of
+    each input by a name that the user understands: a folder of other inputs is refused. `reused` names the entries
+    found.
     """
 
     def __init__(self, folder: str | os.PathLike[str], fingerprint: Mapping[str, str] | None = None) -> None:
@@ -81,10 +52,7 @@ class Store:
             self._claim(fingerprint)
 
     def under(self, key: str) -> Store:
-        """Return the store of the entries whose inputs have this fingerprint, in a folder of their own.
-
-        A change that does not affect the inputs of an entry then leaves it in use.
-        """
+        """Store of the entries whose inputs have this fingerprint, which changes of other inputs leave in use."""
         store = Store(self.folder / key[:16], {"inputs": key})
         store.reused = self.reused
         return store
@@ -151,17 +119,7 @@ class Store:
 
 
 def digest(*values: Any) -> str:
-    """Fingerprint of values: equal for equal numbers, texts, arrays, dataclasses and collections of them.
-
-    Other objects count by their type only.
-
-    Examples
-    --------
-    >>> digest([1, 2.0], {"a": np.arange(3)}) == digest([1, 2.0], {"a": np.arange(3)})
-    True
-    >>> digest(np.arange(3)) == digest(np.arange(3.0))
-    False
-    """
+    """Fingerprint of values: equal for equal numbers, texts, arrays, dataclasses and collections; else by type only."""
     state = hashlib.sha256()
     _feed(state, values)
     return state.hexdigest()

@@ -20,17 +20,8 @@ _MOST = 128
 
 def one_blas_thread(function: Callable[_P, _T]) -> Callable[_P, _T]:
     """Limit BLAS to one thread while a function runs.
-
-    Several threads sum a product in another order, and the last digits differ. A search with many local minima, such
-    as those of thresholds and timers, can then end in another one. Simulations keep their threads, which do not change
-    their results.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> product = one_blas_thread(np.matmul)
-    >>> float(product(np.ones(3), np.ones(3)))
-    3.0
+    Several threads sum a product in another order, and a search with many local minima can then end in another one.
+    Simulations keep their threads, which do not change their results.
     """
 
     @wraps(function)
@@ -42,17 +33,9 @@ def one_blas_thread(function: Callable[_P, _T]) -> Callable[_P, _T]:
 
 
 def parallel_map(calls: Iterable[Callable[[], _T]], threads: int) -> list[_T]:
-    """Make calls without arguments in `threads` threads, of which the caller's is one; results keep their order.
-
-    It helps where most of the time is spent in compiled code that releases the interpreter lock. Each call must have
-    its own random numbers, so that its result does not depend on the others. After an exception no further call
-    starts, and after Ctrl-C none is awaited. With one thread, calls may use threads of their own.
-
-    Examples
-    --------
-    >>> from functools import partial
-    >>> parallel_map([partial(abs, -1), partial(abs, -2)], threads=2)
-    [1, 2]
+    """Make calls in `threads` threads, of which the caller's is one; results keep their order.
+    Each call needs random numbers of its own. After an exception no further call starts, and after Ctrl-C none is
+    awaited. With one thread, calls may use threads of their own.
     """
     calls = list(calls)
     threads = threads_left(threads)
@@ -121,10 +104,7 @@ class _Group(Generic[_T]):
 
 @cache
 def _pool() -> ThreadPoolExecutor:
-    """Threads that wait for calls, because starting one takes as long as a small batch of simulations.
-
-    Where none is free, the caller makes all calls itself.
-    """
+    """Waiting threads, because starting one takes as long as a small batch; where none is free, the caller does all."""
     return ThreadPoolExecutor(_MOST)
 
 

@@ -12,14 +12,7 @@ from typing import Annotated, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import (
-    BeforeValidator,
-    Field,
-    PlainSerializer,
-    PlainValidator,
-    TypeAdapter,
-    WithJsonSchema,
-)
+from pydantic import BeforeValidator, Field, PlainSerializer, PlainValidator, TypeAdapter, WithJsonSchema
 
 T = TypeVar("T")
 
@@ -51,24 +44,12 @@ _adapter: Callable[[Any], TypeAdapter[Any]] = cache(TypeAdapter)
 
 
 def to_json(value: Any) -> bytes:
-    r"""JSON text of a result object.
-
-    Examples
-    --------
-    >>> to_json([1.0, float("nan")])
-    b'[\n  1.0,\n  null\n]'
-    """
+    """JSON text of a result object."""
     return bytes(_adapter(type(value)).dump_json(value, indent=2))
 
 
 def from_json(kind: type[T], text: bytes | str) -> T:
-    """Result object of a class from its JSON text.
-
-    Raises
-    ------
-    pydantic.ValidationError
-        If a value does not fit the class.
-    """
+    """Result object of a class from its JSON text; `pydantic.ValidationError` if a value does not fit."""
     found: T = _adapter(kind).validate_json(text)
     return found
 

@@ -1,23 +1,19 @@
 r"""Noise-bias correction of fits with injected signals.
 
-Where a recorded signal is injected into the model, its noise moves the simulation. A fit then lowers its objective by
-parameters that pass less noise, say a larger reactance, and ends beside the right values: least squares with noise in
-the regressors (W. A. Fuller, *Measurement Error Models*, 1987, section 1.1.1). At the right parameters the mean slope
-of χ² is not zero, but that of the energy E of propagated noise,
+The noise of an injected signal moves the simulation. A fit then prefers parameters that pass less noise, and ends
+beside the right values: least squares with noise in the regressors (W. A. Fuller, *Measurement Error Models*, 1987,
+section 1.1.1). With the energy E of propagated noise,
 
 .. math:: E(u) = \mathrm{E}\,\Big\lVert \Sigma^{-1/2}\big(f(\tilde x + n, u) - f(\tilde x, u)\big)\Big\rVert^2
 
-with the injected signals :math:`\tilde x` as they were recorded and noise n like theirs. So the corrected objective is
+for the injected signals :math:`\tilde x` as they were recorded and noise n like theirs, the corrected objective
 
 .. math:: \chi^2(u) - E(u) + \sum_j (u_j / s)^2                                                      \qquad (K1)
 
-whose slope is right on average (T. Nakamura, "Corrected score function for errors-in-variables models", *Biometrika*
+has the right slope on average (T. Nakamura, "Corrected score function for errors-in-variables models", *Biometrika*
 77(1), 1990). E is simulated with added noise, as by J. R. Cook and L. A. Stefanski ("Simulation-extrapolation
-estimation in parametric measurement error models", *Journal of the American Statistical Association* 89, 1994). It
-follows the parameters so smoothly that its slope at the minimum, renewed at the new minimum, is enough.
-
-The bias grows with the square of the noise, the spread of a fit with the noise itself: for the reactances of a
-synchronous machine the bias is about one standard deviation at 40 dB, and ten at 20 dB.
+estimation in parametric measurement error models", *Journal of the American Statistical Association* 89, 1994). It is
+so smooth that its slope at the minimum, renewed at the new minimum, is enough.
 """
 
 from __future__ import annotations

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
 from errorscreen._runtime.display import Displayed, aligned
+from errorscreen._runtime.estimators import RecordingEstimator
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.data.observations import Observation
 from errorscreen.events import Event
@@ -28,7 +28,7 @@ def by_column(names: Sequence[str], rows: Sequence[tuple[float, ...]]) -> dict[s
     return dict(zip(names, np.array(rows, dtype=float).reshape(-1, len(names)).T, strict=True))
 
 
-class BaseCalibrator(Displayed, BaseEstimator, ABC):
+class BaseCalibrator(Displayed, RecordingEstimator, ABC):
     """Base class of calibrators; `fit` of a subclass calls `_store`.
 
     Attributes
@@ -47,9 +47,12 @@ class BaseCalibrator(Displayed, BaseEstimator, ABC):
         Simulations of the fit, and how many of them failed.
     selects : bool
         Whether a case file calibrates each screener's selection with it; otherwise all parameters.
+    case_keys : mapping of str to str
+        Key of a case file's section of calibration for each argument that it sets.
     """
 
     selects: ClassVar[bool] = True
+    case_keys: ClassVar[Mapping[str, str]] = {}
 
     simulator: Simulator
     theta_: NDArray[np.float64]
@@ -83,12 +86,15 @@ class BaseCalibrator(Displayed, BaseEstimator, ABC):
         names : sequence of str or None
             Parameters to calibrate; None for all.
         section, run : CalibrationSection, RunSection
-            Sections of the case file. Without an override only `run.random_state` is used.
+            Sections of the case file, of which `case_keys` and `run.random_state` are used.
         progress : bool
             Show progress bars.
         """
         options = {"names": names, "random_state": run.random_state, "progress": progress}
-        return cls(simulator, **{k: v for k, v in options.items() if k in cls._get_param_names()})
+        options = {name: value for name, value in options.items() if name in cls._get_param_names()}
+        return cls(
+            simulator, **options, **{name: getattr(section, key) for name, key in cls.case_keys.items()}
+        )
 
     def predict(self, event: Any = None) -> NDArray[np.float64]:
         """Response of the calibrated simulator.
@@ -195,9 +201,3 @@ class BaseCalibrator(Displayed, BaseEstimator, ABC):
         self.observations_ = problem.observations
         self.n_simulations_ = problem.n_simulations
         self.n_failed_ = problem.n_failed
-
-    def __sklearn_tags__(self) -> Any:
-        tags = super().__sklearn_tags__()
-        tags.input_tags.two_d_array = False  # a fit takes recordings
-        tags.target_tags.required = False
-        return tags

@@ -137,6 +137,12 @@ class MAPCalibrator(BaseCalibrator):
     """
 
     selects = False
+    case_keys = {
+        "prior_scale": "prior_scale",
+        "n_starts": "starts",
+        "library_size": "library",
+        "level": "level",
+    }
 
     chi2_: float
     chi2_per_sample_: float
@@ -173,22 +179,6 @@ class MAPCalibrator(BaseCalibrator):
         self.level = level
         self.random_state = random_state
         self.progress = progress
-
-    @classmethod
-    def from_case(
-        cls, simulator: Simulator, names: Iterable[str] | None, section: Any, run: Any, progress: bool = False
-    ) -> MAPCalibrator:
-        """Calibrator with the keys of a case file, see `BaseCalibrator.from_case`."""
-        return cls(
-            simulator,
-            names,
-            prior_scale=section.prior_scale,
-            n_starts=section.starts,
-            library_size=max(section.library, section.starts),
-            level=section.level,
-            random_state=run.random_state,
-            progress=progress,
-        )
 
     @one_blas_thread
     def fit(self, X: Any, y: None = None) -> MAPCalibrator:

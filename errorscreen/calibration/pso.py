@@ -64,6 +64,12 @@ class PSOCalibrator(BaseCalibrator):
     True
     """
 
+    case_keys = {
+        "n_particles": "particles",
+        "n_iterations": "iterations",
+        **{name: name for name in ("inertia", "cognitive", "social")},
+    }
+
     objective_: float
 
     def __init__(
@@ -96,23 +102,6 @@ class PSOCalibrator(BaseCalibrator):
         self.tol = tol
         self.random_state = random_state
         self.progress = progress
-
-    @classmethod
-    def from_case(
-        cls, simulator: Simulator, names: Iterable[str] | None, section: Any, run: Any, progress: bool = False
-    ) -> PSOCalibrator:
-        """Calibrator with the keys of a case file, see `BaseCalibrator.from_case`."""
-        return cls(
-            simulator,
-            names,
-            n_particles=section.particles,
-            n_iterations=section.iterations,
-            inertia=section.inertia,
-            cognitive=section.cognitive,
-            social=section.social,
-            random_state=run.random_state,
-            progress=progress,
-        )
 
     def fit(self, X: Any, y: None = None) -> PSOCalibrator:
         """Calibrate on one recording, or on several together.

@@ -22,70 +22,22 @@ _Array = NDArray[np.float64]
 
 
 def bounded_minimum(matrix: ArrayLike, slope: ArrayLike, lower: ArrayLike, upper: ArrayLike) -> _Array:
-    r"""Minimiser of :math:`\tfrac12 d^T A d + g^T d` inside bounds, for a positive definite matrix A.
-
-    Parameters
-    ----------
-    matrix : array-like of shape (k, k)
-        A.
-    slope : array-like of shape (k,)
-        g.
-    lower, upper : array-like of shape (k,)
-        Each lower bound below the upper one.
-
-    Returns
-    -------
-    ndarray of shape (k,)
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        If A is not positive definite, or A or g are not finite.
-    InputError
-        If shapes do not fit.
-
-    Examples
-    --------
-    >>> bounded_minimum([[2.0, 0.0], [0.0, 1.0]], [-2.0, -3.0], [-1.0, -1.0], [5.0, 2.0])
-    array([1., 2.])
-    """
+    r"""Minimiser (k,) of :math:`\tfrac12 d^T A d + g^T d` inside bounds, for a positive definite matrix A."""
     return damped_minima(matrix, slope, lower, upper, [0.0])[0]
 
 
 def damped_minima(
     matrix: ArrayLike, slope: ArrayLike, lower: ArrayLike, upper: ArrayLike, dampings: ArrayLike
 ) -> _Array:
-    r"""Minimisers of :math:`\tfrac12 d^T (A + \lambda_i I) d + g^T d` inside bounds, for several :math:`\lambda_i`.
+    r"""Minimisers (n, k) of :math:`\tfrac12 d^T (A + \lambda_i I) d + g^T d` inside bounds, for several
+    :math:`\lambda_i`.
 
     An infeasible active set method guesses which numbers lie at a bound, solves for the others, and corrects all wrong
-    guesses at once until none is left (K. Kunisch and F. Rendl, "An infeasible active set method for quadratic problems
-    with simple bounds", *SIAM Journal on Optimization* 14(1), 2003). That is exact, and takes a few factorisations of
-    the free part of A. It may cycle; then only the last wrong guess is corrected, until fewer are wrong than before
-    (J. J. Júdice and F. M. Pires, "A block principal pivoting algorithm for large-scale strictly monotone linear
-    complementarity problems", *Computers & Operations Research* 21(5), 1994). If ten rounds for each number are not
-    enough, as where rounding leaves a side open, `scipy.optimize.lsq_linear` takes over.
-
-    Parameters
-    ----------
-    matrix, slope, lower, upper
-        See `bounded_minimum`.
-    dampings : array-like of shape (n,)
-        Similar values in a row: each minimum starts from the bounds of the one before.
-
-    Returns
-    -------
-    ndarray of shape (n, k)
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError, InputError
-        See `bounded_minimum`. Only parts of A that were free at some round are checked.
-
-    Examples
-    --------
-    >>> damped_minima([[2.0, 0.0], [0.0, 1.0]], [-2.0, -3.0], [-1.0, -1.0], [5.0, 2.0], [0.0, 2.0])
-    array([[1. , 2. ],
-           [0.5, 1. ]])
+    guesses at once (K. Kunisch and F. Rendl, *SIAM Journal on Optimization* 14(1), 2003). If it cycles, only the last
+    wrong guess is corrected (J. J. Júdice and F. M. Pires, *Computers & Operations Research* 21(5), 1994). If ten
+    rounds for each number are not enough, `scipy.optimize.lsq_linear` takes over. Each minimum starts from the bounds
+    of the one before. Raises `LinAlgError` if the free part of A is not positive definite or finite, `InputError` if
+    shapes do not fit.
     """
     A, g = np.ascontiguousarray(matrix, dtype=float), np.ascontiguousarray(slope, dtype=float)
     low, high = np.ascontiguousarray(lower, dtype=float), np.ascontiguousarray(upper, dtype=float)
@@ -121,10 +73,7 @@ def _minima(
     patience: int,
     most: int,
 ) -> tuple[int, int]:
-    """Write the minima from number `first` on to d (n, k); return how many are found, and how the last one ended.
-
-    All in one call, because handing over the interpreter's lock takes longer.
-    """
+    """Write the minima from number `first` on to d (n, k); return how many are found, and how the last one ended."""
     damped = A.copy()
     for number in range(first, len(added)):
         for i in range(len(g)):
@@ -148,10 +97,8 @@ def _active_set(
     patience: int,
     most: int,
 ) -> int:
-    """Write one minimum to d (k,) and return how that ended.
-
-    `side` is -1 for a number at its lower bound, 1 at its upper one, 0 if free; it is changed. Written out, because the
-    systems are so small that the overhead of a library takes ten times as long.
+    """Write one minimum to d (k,) and return how that ended; `side` is -1 at a lower bound, 1 at an upper one, 0 if
+    free. Written out, because the systems are so small that the overhead of a library takes ten times as long.
     """
     k = len(g)
     free, new, L, x = np.empty(k, np.int64), np.empty(k, np.int64), np.empty((k, k)), np.empty(k)

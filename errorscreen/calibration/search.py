@@ -31,29 +31,11 @@ _Array = NDArray[np.float64]
 
 @dataclass
 class Track:
-    """One start and its current point.
-
-    Attributes
-    ----------
-    u : ndarray of shape (k,)
-        Position.
-    residuals : ndarray of shape (N,)
-    cost : float
-        Objective there.
-    jacobian : ndarray of shape (N, k) or None
-        Of the residuals at `u`; None where the position is newer.
-    latest : ndarray of shape (N, k) or None
-        The last Jacobian, possibly of an earlier position.
-    central : bool
-        Whether differences are central.
-    damping : float
-        The last value that worked.
-    promise : float
-        Decrease of the objective that the undamped linear model promised at the last Jacobian.
-    state : str
-        ``"active"``, ``"converged"``; ``"kink"`` if no step lowers the objective by enough although the linear model
-        promises it, but by less than one standard deviation, as where a limiter begins to act; ``"stalled"`` if it
-        promises more.
+    """One start and its current point u (k,), with residuals (N,), objective `cost`, and Jacobian (N, k) unless u is
+    newer. `latest` is the last Jacobian, `damping` the last value that worked, `promise` the decrease of the objective
+    that the undamped linear model promised. The state is ``"active"``, ``"converged"``, ``"kink"`` (no step lowers the
+    objective by enough, though less than one standard deviation is promised, as where a limiter begins to act) or
+    ``"stalled"`` (more is promised).
     """
 
     u: _Array
@@ -72,15 +54,12 @@ class BoundedSearch:
 
     Each iteration evaluates two batches for all starts together: the differences of the residuals z, and one trial
     point for each of seven damping values. A step is the exact minimiser of the damped linear model inside the bounds
-    (`damped_minima`), with the normal matrix scaled to unit diagonal; a clipped Levenberg–Marquardt step would get
-    stuck as soon as a bound is active. `tilt` adds a linear term to the objective.
+    (`damped_minima`); a clipped Levenberg–Marquardt step would get stuck as soon as a bound is active. `tilt` adds a
+    linear term to the objective.
 
-    Differences are one-sided, which takes half the evaluations, until they lead no further, and central from there on:
-    where a limiter begins to act, the slope of one side promises a descent that no step keeps, or hides one on the
-    other side.
-
-    NaN residuals mark a failed evaluation. A failed trial point is not taken; a central difference uses the side that
-    worked, and a parameter with no such side counts as without effect in that iteration.
+    Differences are one-sided until they lead no further, and central from there on: where a limiter begins to act, the
+    slope of one side promises a descent that no step keeps, or hides one on the other side. NaN residuals mark a failed
+    evaluation: a trial point that is not taken, or a side of a central difference that is not used.
 
     Parameters
     ----------
@@ -92,7 +71,7 @@ class BoundedSearch:
     tol : float
         Converged where the undamped step inside the bounds promises to lower the objective by less than
         ``tol * max(1, χ²/N, (χ² - N) / 10)``. If only noise is left, a decrease by 1 is one standard deviation of one
-        parameter. Residuals beyond noise are smooth, and a standard deviation is larger then (`noise_inflation`).
+        parameter; residuals beyond noise are smooth, and it is larger then (`noise_inflation`).
     step : float
         Step of the differences in u.
     central : bool
@@ -184,11 +163,9 @@ class BoundedSearch:
         self._differentiate(tracks)
 
     def follow_prior(self, track: Track) -> None:
-        """Move a track towards the prior's mean in directions that hardly change its residuals.
-
+        """Move a track towards the prior's mean in directions that hardly change its residuals; its state stays.
         Where limiters act, or more than noise is left, a search ends anywhere on a ridge: a dead band of which one side
-        acted keeps the start's value on the other. The track keeps its state, and gets a Jacobian by central
-        differences.
+        acted keeps the start's value on the other.
         """
         for _ in range(_PRIOR_STEPS):
             self.differentiate([track])
@@ -253,11 +230,7 @@ class BoundedSearch:
         return A, g
 
     def scattered(self, track: Track, widths: ArrayLike, random_state: Any = None) -> _Array:
-        """Points (n, k) inside the bounds that scatter around a track as its linear model allows.
-
-        `widths` (n,) are in standard deviations of the posterior of the latest linear model. The track has been moved
-        or differentiated.
-        """
+        """Points (n, k) around a track, inside the bounds, by `widths` (n,) standard deviations of its linear model."""
         assert track.latest is not None
         w = np.asarray(widths, dtype=float)[:, None]
         # not from J'J: where a model nearly diverges, rounding leaves it indefinite

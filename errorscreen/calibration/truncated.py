@@ -29,42 +29,12 @@ def sample_truncated_normal(
     start: ArrayLike | None = None,
     random_state: Any = None,
 ) -> _Array:
-    r"""Draw from :math:`N(\mu, P^{-1})` inside the box :math:`l \le x \le u`.
+    r"""Draw n samples (n, k) from :math:`N(\mu, P^{-1})` inside the box :math:`l \le x \le u`, from 64 chains.
 
-    Gibbs sampling, in turn along the eigenvectors of the precision matrix and along the axes. Along a direction the
-    density is a normal distribution cut off at both ends, which is drawn exactly. The eigenvectors cross a long and
-    thin distribution at once; the axes lead out of a corner of the box.
-
-    Parameters
-    ----------
-    mean : array-like of shape (k,)
-        μ; it may lie outside the box.
-    precision : array-like of shape (k, k)
-        P, symmetric and positive definite.
-    lower, upper : array-like of shape (k,)
-        Finite, lower < upper.
-    n : int
-        Number of samples. They come from 64 chains.
-    start : array-like of shape (k,), optional
-        Start of the chains, best a point of high density; the mean, moved into the box, where not given.
-    random_state : None, int, SeedSequence, Generator or RandomState
-
-    Returns
-    -------
-    ndarray of shape (n, k)
-
-    Raises
-    ------
-    InputError
-        If the bounds are not finite or not in order, or P is not positive definite.
-
-    Examples
-    --------
-    A quantity measured as 0 ± 1 that is known to be positive has the mean √(2/π) = 0.80:
-
-    >>> x = sample_truncated_normal([0.0], [[1.0]], [0.0], [50.0], 20000, random_state=0)
-    >>> round(float(x.mean()), 1)
-    0.8
+    Gibbs sampling, in turn along the eigenvectors of the precision matrix and along the axes; along a direction the cut
+    normal distribution is drawn exactly. Eigenvectors cross a long and thin distribution at once; axes lead out of a
+    corner of the box. The chains begin at `start`, best a point of high density; the mean, moved into the box, where
+    not given.
     """
     mean, lower, upper = (np.asarray(v, dtype=float) for v in (mean, lower, upper))
     if not (np.all(np.isfinite(lower) & np.isfinite(upper)) and np.all(lower < upper)):

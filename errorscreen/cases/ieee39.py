@@ -1,25 +1,17 @@
-r"""The modified New England 39-bus system of the paper's case study.
+"""The modified New England 39-bus system of the paper's case study.
 
-Three generators are replaced by plants under test, with the active power and the voltage that the load flow of the
-original system has there. Their transformers lead to bus 2 and to the lines from bus 25 and 26, so that bus 2 feels
-them:
-
-- the PV plant at bus 30, which a transformer joins with bus 2 itself. It is the one plant with a large share of
-  reactive power before the fault (so that the terms in K2_Iq_LV and KQ_LV are not zero), and the nearest to the fault:
-  ride-through and current limit bind. At bus 37 its reactive power would be zero, and at bus 38 its voltage would stay
-  at the edge of ride-through for long, which costs ten times the integration error;
-- the DFIG plant at bus 37, behind bus 25, at the sending end of the observed line. Its reactive-power limit binds;
-- the synchronous machine at bus 38, behind bus 29 and bus 26.
-
-They deliver 0.6, 0.7 and 0.8 of their ratings, which follow from that (`PLANTS`).
+Three generators are replaced by plants under test, with the active power and the voltage of the original load flow, so
+near to bus 2 that it feels them: the PV plant at bus 30, the DFIG plant at bus 37, and the synchronous machine at bus
+38. They deliver 0.6, 0.7 and 0.8 of their ratings, which follow from that (`PLANTS`). The PV plant at bus 37 would have
+no reactive power, and at bus 38 stay at the edge of ride-through for long.
 
 The other seven units are two-axis machines without controllers (`errorscreen.models.FixedMachine`): the paper leaves
-them unchanged, and the plants under test shape the response. Their damping power per speed deviation is 0.2 of their
-starting time, about that of the machine under test. Loads are constant impedances.
+them unchanged. Their damping power per speed deviation is 0.2 of their starting time, about that of the machine under
+test. Loads are constant impedances.
 
-Without governors the fault leaves the whole grid above nominal frequency. The plant's virtual inertia acts in both
-directions, otherwise it would rest: ``dbwih`` and ``Pwimin`` of the DFIG plant are set. In the PV plant
-ride-through takes over within a band of 0.1 instead of 0.02 pu, because that band sets how small a step must be.
+Without governors the fault leaves the whole grid above nominal frequency. The virtual inertia of the DFIG plant acts in
+both directions, otherwise it would rest: ``dbwih`` and ``Pwimin`` are set. In the PV plant ride-through takes over
+within a band of 0.1 instead of 0.02 pu, because that band sets how small a step must be.
 
 Channels: U is the magnitude of the voltage at bus 2, P the active power that arrives there over the line from bus 25,
 both in pu (100 MVA). The paper says "P at bus 2" and leaves open which; other choices are `channels`.

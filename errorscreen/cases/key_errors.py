@@ -36,9 +36,7 @@ def explained(
     error: ValidationError, model: type[BaseModel], further: tuple[str, ...], source: str
 ) -> InputError:
     """One of pydantic's errors in plain words, and the number of the others.
-
-    An unknown key comes first, because a misspelt key is also missing. The keys that further recordings take over from
-    the first one count once.
+    An unknown key comes first, because a misspelt key is also missing. Inherited keys count once.
     """
     own = [e["loc"][1:] for e in error.errors() if e["loc"][0] == "recording"]
     errors = [e for e in error.errors() if e["loc"][0] not in further or e["loc"][2:] not in own]

@@ -66,13 +66,7 @@ class CandidatesSection(Section):
     parameters: dict[str, ParameterSection] = setting({}, "changes to single parameters")
 
     def apply(self, space: ParameterSpace) -> ParameterSpace:
-        """Candidates of this case, from those of the model.
-
-        Raises
-        ------
-        InputError
-            If a name is unknown or a range excludes its nominal value.
-        """
+        """Candidates of this case, from those of the model; `InputError` if a name or a range is wrong."""
         for name in (*self.parameters, *(self.candidates or ())):
             space.index(name)
         changes = {}
@@ -105,13 +99,7 @@ class DeviceSection(CandidatesSection):
         return complex(self.grid_resistance, self.grid_reactance)
 
     def space(self) -> ParameterSpace:
-        """Candidates of the device.
-
-        Raises
-        ------
-        InputError
-            If a parameter or a constant is unknown.
-        """
+        """Candidates of the device; `InputError` if a parameter or a constant is unknown."""
         device = DEVICES[self.type]
         device.constant_values(self.constants, in_grid=self.grid_impedance != 0)
         return self.apply(device.candidates)
@@ -164,27 +152,10 @@ class EventSection(Section):
     def on_steps(
         self, time: NDArray[np.float64], name: str, recording: Any, step: float, where: str
     ) -> tuple[GridEvent, tuple[str, ...]]:
-        """Event whose instants are beginnings of integration steps, and notes for the report.
-
-        The model's grid changes between two steps. An instant between two samples stays between them: moved onto the
-        earlier sample, it would turn that sample into one after the change.
-
-        Parameters
-        ----------
-        time : ndarray of shape (L,)
-            Uniform, in s.
-        name : str
-        recording : RecordingSection
-            With `event_time` and `load_level`.
-        step : float
-            Longest step in s.
-        where : str
-            For errors.
-
-        Raises
-        ------
-        InputError
-            If the event does not lie within the recording, or lasts for less than a step.
+        """Event whose instants are beginnings of integration steps of at most `step` s, and notes for the report.
+        An instant between two samples stays between them: on the earlier one, it would turn that sample into one after
+        the change. Raises `InputError` (with the place `where`) if the event is not inside the recording or shorter
+        than a step.
         """
         first, dt = float(time[0]), float(time[1] - time[0])
         per_sample = int(np.ceil(dt / step - 1e-9))

@@ -37,12 +37,7 @@ def each_once(names: list[str]) -> list[str]:
 
 @dataclass(frozen=True, eq=False)
 class NameIn:
-    """Mark of a text that must be a name in a registry.
-
-    Parameters
-    ----------
-    registry : Registry
-    """
+    """Mark of a text that must be a name in a registry."""
 
     registry: Registry[Any]
 

@@ -28,19 +28,8 @@ _TOLD = 6
 def placebo(
     hypotheses: Sequence[Hypothesis], chosen: Hypothesis, causes: Sequence[Cause]
 ) -> Hypothesis | None:
-    """Fitted hypothesis with wrong effects, with as many parameters as the chosen one if there is one.
-
-    Parameters
-    ----------
-    hypotheses : sequence of Hypothesis
-    chosen : Hypothesis
-    causes : sequence of Cause
-        Effects of probable causes are no placebo.
-
-    Returns
-    -------
-    Hypothesis or None
-        Of several the most evident; None if no wrong effect was fitted, or the chosen one has no effect.
+    """The most evident fitted hypothesis with wrong effects and, if there is one, as many parameters as the chosen one.
+    None if there is none, or the chosen one has no effect. Effects of probable causes are no placebo.
     """
     used = {e.name for e in chosen.effects}
     used |= {e.name for c in causes if c.probability > _PLACEBO for e in c.effects}
@@ -59,16 +48,7 @@ def freedom(effects: Sequence[Effect]) -> int:
 
 
 def named_text(cause: Cause, chosen: Hypothesis, base: Hypothesis, alike: Sequence[str]) -> str:
-    """Reasons for a verdict that names an effect or a measurement fault.
-
-    Parameters
-    ----------
-    cause : Cause
-    chosen, base : Hypothesis
-        With it, and with parameters alone.
-    alike : sequence of str
-        Explanations that these recordings cannot tell it from.
-    """
+    """Reasons for a verdict that names an effect or a measurement fault, where `base` has parameters alone."""
     at = "" if cause.place in cause.title else f" (at {cause.place})"
     text = f"{cause.title}{at} explains the error that parameters leave (probability {probable(cause.probability)})."
     if cause.event:
@@ -89,13 +69,7 @@ def named_text(cause: Cause, chosen: Hypothesis, base: Hypothesis, alike: Sequen
 
 
 def probable(probability: float) -> str:
-    """Probability with two digits, never rounded to certainty.
-
-    Examples
-    --------
-    >>> probable(0.964), probable(0.998), probable(0.001)
-    ('0.96', '> 0.99', '< 0.01')
-    """
+    """Probability with two digits, never rounded to certainty."""
     if 0.995 <= probability < 1.0:
         return "> 0.99"
     return "< 0.01" if 0.0 < probability < 0.005 else f"{probability:.2f}"
@@ -112,27 +86,12 @@ def placebo_text(gain: Gain) -> str:
 
 
 def alike_text(names: Sequence[str]) -> str:
-    """Explanations that recordings cannot tell from the first, in words; empty if there is none."""
+    """Names of explanations that recordings cannot tell from the first, in words; empty if there is none."""
     return f" These recordings cannot tell it from: {', '.join(names)}." if names else ""
 
 
-def unknown_text(
-    tried: Sequence[str],
-    whole: bool,
-    base: Hypothesis,
-    closest: Hypothesis,
-) -> str:
-    """Reasons for the verdict "unknown".
-
-    Parameters
-    ----------
-    tried : sequence of str
-        Names of the effects.
-    whole : bool
-        Whether these are all of the library.
-    base, closest : Hypothesis
-        With parameters alone, and the most evident of all.
-    """
+def unknown_text(tried: Sequence[str], whole: bool, base: Hypothesis, closest: Hypothesis) -> str:
+    """Reasons for the verdict "unknown", with the tried effects, parameters alone (`base`) and the most evident fit."""
     leaves = f"χ²/N {base.chi2_per_sample:.3g}"
     if not base.at_rest:
         return (
@@ -176,8 +135,9 @@ def location_text(locations: Sequence[InputLocation], simulator: Simulator) -> s
     """Where an unknown input enters, as far as the simulator has ports for it."""
     if locations:
         first = locations[0]
+        percent = np.floor(1000.0 * first.explained) / 10.0  # never rounded up to all of it
         text = (
-            f"An unknown input at {first.name} would explain it best: {_percent(first.explained)} of the error that "
+            f"An unknown input at {first.name} would explain it best: {percent:.3g} % of the error that "
             f"parameters leave ({first.text})."
         )
         alike = other_locations(locations)
@@ -199,11 +159,6 @@ def alike_locations(locations: Sequence[InputLocation]) -> list[InputLocation]:
 def other_locations(locations: Sequence[InputLocation]) -> str:
     """Locations that cannot be told from the first, in words; empty if there is none."""
     return ", or at ".join(one.name for one in alike_locations(locations)[1 : _TOLD + 1])
-
-
-def _percent(share: float) -> str:
-    """Share in per cent, never rounded up to all of it."""
-    return f"{np.floor(1000.0 * share) / 10.0:.3g} %"
 
 
 def withdrawn_text(cause: Cause, gain: Gain) -> str:

@@ -39,16 +39,10 @@ def diagnose(
     **options
         Of `CauseFinder`: ``effects``, ``max_effects`` (0 tries no effect) and others.
 
-    Returns
-    -------
-    Diagnosis
-
     Raises
     ------
-    InputError
-        If an argument or a recording cannot be used.
-    SimulationError
-        If nothing can be simulated.
+    InputError, SimulationError
+        If an argument or a recording cannot be used, or nothing can be simulated.
 
     Examples
     --------

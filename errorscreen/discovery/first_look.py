@@ -1,26 +1,24 @@
 r"""A quick first look: one network ranks parameters and missing effects together, before any search.
 
-The network of the published method learns from errors that parameters alone make; here part of its samples has one
-effect of the library as well, and each effect has a column of labels of its own,
+The network of the published method is trained on samples of which a part has one effect. The label of an effect is
 
 .. math:: c_k = \sum_r \lambda_r \| y_r(\theta, s_k) - y_r(\theta, 0) \|_2                              \qquad (D5)
 
-which is the strength times the sensitivity to the strength, taken over the whole strength because an effect need not be
-linear in it. It is in the same unit as the contributions (14) of parameters. A first look costs one training for each
-event, and says nothing about noise, places or values: `CauseFinder` does.
+in the unit of the contributions (14) of parameters. It says nothing about noise, places or values: `CauseFinder` does.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.base import BaseEstimator, clone
+from sklearn.base import clone
 from sklearn.utils.validation import check_is_fitted
 
+from errorscreen._runtime.estimators import RecordingEstimator
 from errorscreen._runtime.sampling import generator
 from errorscreen._runtime.typed import Real
 from errorscreen.data.observations import Observation
@@ -133,26 +131,19 @@ def effect_dataset(
     labels[status != Status.OK] = np.nan
     contributions = np.hstack([data.contributions, labels])
     contributions[status != Status.OK] = np.nan
-    return ErrorDataset(
-        np.hstack([data.theta, strengths]),
-        responses,
-        contributions,
-        data.baseline,
-        status,
-        (*data.names, *(effect.name for effect in chosen)),
-        data.channels,
-        data.time,
-        data.event,
-        {
-            **data.metadata,
-            "effects": [effect.name for effect in chosen],
-            "share": share,
-            "n_simulations": count,
-        },
+    names = [effect.name for effect in chosen]
+    return replace(
+        data,
+        theta=np.hstack([data.theta, strengths]),
+        responses=responses,
+        contributions=contributions,
+        status=status,
+        names=(*data.names, *names),
+        metadata={**data.metadata, "effects": names, "share": share, "n_simulations": count},
     )
 
 
-class FirstLook(BaseEstimator):
+class FirstLook(RecordingEstimator):
     """Rank parameters and missing effects by what each contributes to the error of a recording.
 
     Parameters
@@ -275,12 +266,6 @@ class FirstLook(BaseEstimator):
         found = self.screener_.predict(np.where(observation.mask, error, 0.0)[None])
         return np.asarray(found)[0]
 
-    def __sklearn_tags__(self) -> Any:
-        tags = super().__sklearn_tags__()
-        tags.input_tags.two_d_array = False  # X is a recording
-        tags.target_tags.required = False
-        return tags
-
     def _one(self, recording: Any) -> Observation:
         observations = as_observations(self.simulator, recording)
         if len(observations) != 1:
@@ -291,8 +276,7 @@ class FirstLook(BaseEstimator):
         if self.estimator is not None:
             return clone(self.estimator)
         return contribution_pipeline(dt, seed).set_params(
-            cnncontributionregressor__max_epochs=_EPOCHS,
-            cnncontributionregressor__verbose=self.progress,
+            cnncontributionregressor__max_epochs=_EPOCHS, cnncontributionregressor__verbose=self.progress
         )
 
 

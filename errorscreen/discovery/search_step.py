@@ -17,30 +17,11 @@ GRID_STEP = 0.005
 def search_simulator(
     simulator: Simulator, step: float | None, observations: Sequence[Observation]
 ) -> Simulator:
-    """Return the simulator with the step of the search.
+    """Return the simulator with the step of the search: a given one in s, else for a grid twice its own, up to 5 ms.
 
-    Most fits of a search do not come near enough to noise for the error of the integration to count, and those that do
-    are repeated with a quarter of the step.
-
-    Parameters
-    ----------
-    simulator : Simulator
-    step : float or None
-        In s. Where not given, a grid takes twice the simulator's, up to 5 ms, unless its event lies between two steps.
-    observations : sequence of Observation
-        All that will be simulated.
-
-    Raises
-    ------
-    InputError
-        If a step is given but the simulator has none, or an event of the grid lies between two of them.
-
-    Examples
-    --------
-    >>> from errorscreen.cases import load_ieee39
-    >>> grid = load_ieee39()
-    >>> grid.step, search_simulator(grid, None, []).step
-    (0.0025, 0.005)
+    A grid keeps its own if its event lies between two of these steps. Most fits do not come near enough to noise for
+    the error of the integration to count, and those that do are repeated with a quarter of the step. `InputError` if
+    the given step cannot be used.
     """
     own: float | None = getattr(simulator, "step", None)
     if step is not None:

@@ -24,9 +24,7 @@ def has_columns(transformer: Any) -> bool:
 
 class StackTransformer(OneToOneFeatureMixin, TransformerMixin, BaseEstimator, ABC):
     """Base class of transformers of tables (n, F), stacks of signals (n, R, L) and images (n, R, H, W).
-
-    `set_output` makes data frames of tables. Stacks of signals and images have no columns and stay arrays, so that a
-    pipeline that ends in a table can be set as a whole.
+    `set_output` makes data frames of tables; stacks stay arrays, so that a whole pipeline can be set.
     """
 
     @abstractmethod
@@ -66,10 +64,7 @@ def check_stack(
     **checks: Any,
 ) -> Any:
     """Validate samples (n, ...) of 2 to `max_ndim` axes; set (`reset`) or compare ``shape_in_``, the shape of one.
-
-    scikit-learn's own ``n_features_in_`` is only the first axis of that shape. Other arguments go to `validate_data`.
-    Returns X, or (X, y) where ``y`` is among the arguments. Raises `ValueError` if scikit-learn rejects X, and
-    `InputError` if there are too many axes or the shape differs from the one in fit.
+    Other arguments go to `validate_data`. Returns X, or (X, y) where ``y`` is among them.
     """
     checked = validate_data(estimator, X, reset=reset, allow_nd=True, dtype=dtype, **checks)
     stack: NDArray[Any] = checked[0] if isinstance(checked, tuple) else checked
@@ -86,13 +81,7 @@ def check_stack(
 
 
 def split_channels(X: NDArray[Any], n_channels: int | None, where: str) -> NDArray[Any]:
-    """View a stack as (n, R, L): a row of 2-D input holds one channel, or `n_channels` one after another.
-
-    Examples
-    --------
-    >>> split_channels(np.zeros((5, 12)), 3, "X").shape
-    (5, 3, 4)
-    """
+    """View a stack as (n, R, L): a row of 2-D input holds one channel, or `n_channels` one after another."""
     if X.ndim == 3:
         if n_channels not in (None, X.shape[1]):
             raise InputError(f"X has {X.shape[1]} channels", where=where, allowed=f"n_channels={n_channels}")
@@ -108,15 +97,7 @@ def split_channels(X: NDArray[Any], n_channels: int | None, where: str) -> NDArr
 
 
 def check_noise(noise: ArrayLike | None, shape: tuple[int, ...], where: str) -> NDArray[np.float64]:
-    """Standard deviation of the noise of each channel and instant (R, L), from a scalar, (R,) or (R, L); 0 for None.
-
-    Raises `InputError` if it does not fit the shape, or is negative or not finite.
-
-    Examples
-    --------
-    >>> check_noise([2.0, 0.0], (2, 3), "here").tolist()
-    [[2.0, 2.0, 2.0], [0.0, 0.0, 0.0]]
-    """
+    """Standard deviation of the noise (R, L), from a scalar, (R,) or (R, L), or 0 for None, or `InputError`."""
     given = np.asarray(0.0 if noise is None else noise, dtype=float)
     if given.shape not in ((), shape[:1], shape) or not np.all(np.isfinite(given) & (given >= 0)):
         raise InputError(
@@ -135,13 +116,7 @@ def check_choice(name: str, value: Any, allowed: Sequence[Any], where: str) -> A
 
 
 def as_images(X: NDArray[Any]) -> NDArray[Any]:
-    """View a stack of 2 to 4 axes as (n, R, H, W): signals are images of one row, 2-D input is one channel.
-
-    Examples
-    --------
-    >>> as_images(np.zeros((5, 2, 7))).shape
-    (5, 2, 1, 7)
-    """
+    """View a stack of 2 to 4 axes as (n, R, H, W): signals are images of one row, 2-D input is one channel."""
     if X.ndim == 4:
         return X
     return X.reshape(len(X), X.shape[1] if X.ndim == 3 else 1, 1, X.shape[-1])

@@ -270,20 +270,7 @@ class CWTTransformer(StackTransformer):
 
 
 def column_weights(n_times: int, n_columns: int, dtype: Any = float) -> tuple[NDArray[np.intp], NDArray[Any]]:
-    """Samples that each of W columns overlaps, and their shares of the column, both of shape (W, q).
-
-    q is the largest number of samples that a column overlaps; the weights of a column sum to 1.
-
-    Examples
-    --------
-    >>> index, weight = column_weights(5, 2)
-    >>> index
-    array([[0, 1, 2],
-           [2, 3, 4]])
-    >>> weight
-    array([[0.4, 0.4, 0.2],
-           [0.2, 0.4, 0.4]])
-    """
+    """Samples that each of W columns overlaps, and their shares of the column, which sum to 1, both of shape (W, q)."""
     # in units in which a sample is W wide and a column L wide, all edges are integers and nothing is rounded
     left = np.arange(n_columns)[:, None] * n_times
     first = left // n_columns

@@ -1,8 +1,7 @@
 """Continuous wavelet transform of many signals at once, equal to `pywt.cwt`.
 
-`pywt.cwt` integrates the mother wavelet, resamples the integral for each scale, convolves the signal with it and
-differentiates. The last two steps are linear, so each scale is one filter. Here the filters are built once, cut to the
-taps that a signal of the given length can reach, and applied by FFT.
+`pywt.cwt` convolves the signal with the integral of the wavelet and differentiates. Both are linear, so each scale is
+one filter, built once and applied by FFT.
 """
 
 from __future__ import annotations
@@ -22,13 +21,7 @@ PRECISION = 12
 
 
 def read_wavelet(name: str) -> Any:
-    """Return the continuous wavelet of this name in PyWavelets, or raise `InputError`.
-
-    Examples
-    --------
-    >>> read_wavelet("morl").complex_cwt
-    False
-    """
+    """Return the continuous wavelet of this name in PyWavelets, or raise `InputError`."""
     allowed = ", ".join(pywt.wavelist(kind="continuous"))
     try:
         with warnings.catch_warnings():
@@ -52,14 +45,7 @@ def central_frequency(wavelet: Any, precision: int = PRECISION) -> float:
 
 def effective_radius(wavelet: Any) -> float:
     r"""Half-width of the mother wavelet in samples at scale 1: two standard deviations of :math:`|\psi|^2`.
-
-    For a Morlet wavelet with unit Gaussian this is :math:`\sqrt 2`, the cone of influence of Torrence and Compo
-    (1998, table 1).
-
-    Examples
-    --------
-    >>> round(effective_radius(read_wavelet("cmor2.0-1.0")), 3)
-    1.414
+    For a Morlet wavelet it is the cone of influence of Torrence and Compo (1998, table 1).
     """
     psi, x = wavelet.wavefun(PRECISION)
     weight = np.abs(psi) ** 2 / np.sum(np.abs(psi) ** 2)

@@ -1,12 +1,11 @@
 r"""Cheap labels: a regression of the sensitivities labels responses that cost one simulation each.
 
-An exact label (14), (15) costs m + 1 simulations, the response alone costs one. Sensitivities are smooth functions of
-the parameters except at the kinks of limiters, so a few thousand exact labels are enough to fit a regression,
+An exact label (14), (15) costs m + 1 simulations. The regression of exact labels is
 
 .. math:: \hat c_j = r_j \, \hat S_j(\theta), \qquad \ln(\hat S_j + \epsilon_j) = f_j(\theta)              \qquad (A1)
 
-with the known deviation :math:`r_j = |\theta_j / \theta_{j,0} - 1|`. :math:`\epsilon_j` is a thousandth of the mean of
-:math:`S_j`: where a limiter removes the effect of a parameter, relative errors do not matter.
+with the known deviation :math:`r_j = |\theta_j / \theta_{j,0} - 1|` and :math:`\epsilon_j`, a thousandth of the mean of
+:math:`S_j`.
 """
 
 from __future__ import annotations

@@ -34,14 +34,7 @@ def build_network(
     nonnegative: bool,
 ) -> nn.Sequential:
     """Three convolution and two fully connected layers, equations (17)–(19), for images of any shape (R, H, W).
-
-    `nonnegative` adds Softplus after the last layer; the other arguments are those of `CNNContributionRegressor`.
-
-    Examples
-    --------
-    >>> network = build_network((2, 64, 256), 10, (4, 4, 4), 8, 0.0, True)
-    >>> network(torch.zeros(3, 2, 64, 256)).shape
-    torch.Size([3, 10])
+    `nonnegative` adds Softplus; for the other arguments see `CNNContributionRegressor`.
     """
     channels, *size = shape
     layers: list[nn.Module] = []
@@ -65,13 +58,7 @@ def build_network(
 
 
 def find_device(name: str) -> str:
-    """Return the torch device of this name, or raise `InputError`; ``"auto"`` is a GPU where there is one.
-
-    Examples
-    --------
-    >>> find_device("cpu")
-    'cpu'
-    """
+    """Return the torch device of this name, or raise `InputError`; ``"auto"`` is a GPU where there is one."""
     if name == "auto":
         return "cuda" if torch.cuda.is_available() else "cpu"
     try:
@@ -146,11 +133,8 @@ def load_weights(net: NeuralNet, weights: Mapping[str, NDArray[Any]]) -> None:
 
 def train_network(net: Net, X: NDArray[Any], y: NDArray[Any], options: Any, split_seed: int) -> None:
     """Train with the Huber loss, equations (20) and (21), and keep the weights of the best epoch.
-
-    `options` has the parameters of `CNNContributionRegressor`. The validation samples are drawn with `split_seed`.
-    Without `patience`, or with too few samples to set one aside and keep two, all epochs are run and the last weights
-    are kept. Raises `KeyboardInterrupt` where the user stops the training (skorch would return a half-trained net) and
-    `InputError` if the loss is not finite.
+    `options` is a `CNNContributionRegressor`. Without `patience`, or with too few samples to set one aside, the last
+    weights are kept. Raises `KeyboardInterrupt` if the user stops it, `InputError` if the loss is not finite.
     """
     fraction, patience = options.validation_fraction, options.patience
     n_validation = math.ceil(fraction * len(X))  # as scikit-learn rounds it

@@ -103,15 +103,7 @@ def data_uri(figure: Figure) -> str:
 
 
 def format_number(value: float, digits: int = 3) -> str:
-    """Number with so many significant digits, without exponent where that stays short; a dash if it does not exist.
-
-    Examples
-    --------
-    >>> format_number(1234.5), format_number(999.6), format_number(0.012345), format_number(2.5e-7)
-    ('1230', '1000', '0.0123', '2.5e-07')
-    >>> format_number(float("nan"))
-    '–'
-    """
+    """Number with so many significant digits, without exponent where that stays short; a dash if it does not exist."""
     if not math.isfinite(value):
         return _DASH
     text = f"{value:.{digits}g}"
@@ -125,13 +117,7 @@ def format_percent(share: float, digits: int = 3) -> str:
 
 
 def format_change(before: float, after: float) -> str:
-    """Change from `before` to `after` in percent, with its sign.
-
-    Examples
-    --------
-    >>> format_change(0.2, 0.05), format_change(0.1, 0.1), format_change(0.0, 0.1)
-    ('−75 %', '±0 %', '–')
-    """
+    """Change from `before` to `after` in percent, with its sign."""
     if not before or not math.isfinite(before) or not math.isfinite(after):
         return _DASH
     percent = round(100 * (after / before - 1))

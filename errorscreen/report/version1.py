@@ -11,11 +11,7 @@ _NOT_SEARCHED: _Json = {"name": "unknown", "title": "Unknown", "kind": "unknown"
 
 
 def upgraded(old: _Json) -> _Json:
-    """Values of a ``result.json`` of version 1 in the tree of version 2.
-
-    Version 1 knows neither the noise beside each error after a search, nor a verdict before held-out recordings were
-    judged: these are null.
-    """
+    """Values of a ``result.json`` of version 1 in the tree of version 2, with null for what version 1 does not know."""
     found = old.get("discovery") or {}
     methods = old["calibration"]["methods"]
     calibrations = [_calibration(method) for method in methods]
@@ -91,9 +87,8 @@ def _estimate(p: _Json) -> _Json:
 
 def _cause(cause: _Json) -> _Json:
     words = {key: cause.get(key, "") for key in ("equation", "explanation")}
-    kept = {
-        k: v for k, v in cause.items() if k not in ("equation", "explanation", "confused_with", "parameters")
-    }
+    dropped = ("equation", "explanation", "confused_with", "parameters")
+    kept = {key: value for key, value in cause.items() if key not in dropped}
     effect = {
         "name": cause["name"],
         "original": cause["name"].partition("@")[0],
@@ -118,29 +113,16 @@ def _calibration(method: _Json) -> _Json:
 def _model(old: _Json, key: str) -> _Json:
     """Errors of all recordings before or after calibration."""
     every = old["diagnosis"]["recordings"]
-    channels = [
-        {
-            "recording": r["recording"],
-            "channel": c["channel"],
-            "unit": c["unit"],
-            "noise": c["noise"],
-            **c[key],
-        }
-        for r in every
-        for c in r["channels"]
-        if c.get(key)
-    ]
-    stages = [
-        {
-            "recording": r["recording"],
-            **{name: s[name] for name in ("channel", "stage", "start", "stop")},
-            **s[key],
-        }
-        for r in every
-        for s in r.get("stages", [])
-        if s.get(key)
-    ]
-    return {"channels": channels, "stages": stages}
+    kept = {"channels": ("channel", "unit", "noise"), "stages": ("channel", "stage", "start", "stop")}
+    return {
+        part: [
+            {"recording": r["recording"], **{name: row[name] for name in names}, **row[key]}
+            for r in every
+            for row in (r[part] if part == "channels" else r.get(part, []))
+            if row.get(key)
+        ]
+        for part, names in kept.items()
+    }
 
 
 def _fits(rows: Iterable[_Json], key: str) -> Iterator[_Json]:

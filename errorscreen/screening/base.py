@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
 from errorscreen._runtime.display import listed, shortened
+from errorscreen._runtime.estimators import RecordingEstimator
 from errorscreen.exceptions import check_integer
 from errorscreen.metrics import ranking
 
@@ -84,7 +84,7 @@ class ParameterRanking:
         return str(self.to_frame().to_html(float_format="{:.4g}".format))
 
 
-class BaseScreener(BaseEstimator, ABC):
+class BaseScreener(RecordingEstimator, ABC):
     """Base class of screeners; `fit` of a subclass calls `_store`.
 
     Attributes
@@ -101,9 +101,12 @@ class BaseScreener(BaseEstimator, ABC):
         Simulations that the ranking used, and how many of them failed.
     trains : bool
         Whether the screener trains a network: a case file then runs it beside the search, on a coarser step.
+    case_keys : mapping of str to str
+        Key of a case file's section of screening for each argument that it sets.
     """
 
     trains: ClassVar[bool] = False
+    case_keys: ClassVar[Mapping[str, str]] = {}
 
     contributions_: NDArray[np.float64]
     names_: tuple[str, ...]
@@ -122,14 +125,18 @@ class BaseScreener(BaseEstimator, ABC):
         ----------
         simulator : Simulator
         section, run : ScreeningSection, RunSection
-            Sections of the case file. Without an override only `run.random_state` is used.
+            Sections of the case file, of which `case_keys`, `run.random_state` and `run.n_jobs` are used.
         folder : Path, optional
-            For intermediate results.
+            For intermediate results, given as `checkpoint`.
         progress : bool
             Show progress bars.
         """
-        options = {"random_state": run.random_state, "progress": progress}
-        return cls(simulator, **{k: v for k, v in options.items() if k in cls._get_param_names()})
+        options = {"random_state": run.random_state, "n_jobs": run.n_jobs, "progress": progress}
+        options["checkpoint"] = None if folder is None else folder / "dataset"
+        options = {name: value for name, value in options.items() if name in cls._get_param_names()}
+        return cls(
+            simulator, **options, **{name: getattr(section, key) for name, key in cls.case_keys.items()}
+        )
 
     @abstractmethod
     def fit(self, X: Any, y: None = None) -> Any:
@@ -198,9 +205,3 @@ class BaseScreener(BaseEstimator, ABC):
         if not hasattr(self, "contributions_"):
             return str(super()._html_repr())
         return f"<p>{escape(repr(self))}</p>{self._result()._repr_html_()}"
-
-    def __sklearn_tags__(self) -> Any:
-        tags = super().__sklearn_tags__()
-        tags.input_tags.two_d_array = False  # X is a recording
-        tags.target_tags.required = False
-        return tags

@@ -23,12 +23,11 @@ from errorscreen.screening.base import ParameterRanking
 def contribution_pipeline(sampling_period: float = 1.0, random_state: Any = None) -> Pipeline:
     """Wavelet images, frozen scaling and network: the default estimator of `ContributionScreener`.
 
-    The images hold the energy of the paper and the signed coefficients. The latter improve the ranking: a parameter
-    that is too large and one that is too small have the same energy, but mix with others differently. The coefficients
-    are not compressed and each pixel is scaled by itself, because similar parameters differ by little on top of what
-    they share. The images are smaller (16 x 32) than the paper's (64 x 256), from which the network learns more
-    slowly: with 600 samples of a machine with eight parameters the first four were right in 87 % instead of 65 %,
-    after a twentieth of the time.
+    The images hold energy and signed coefficients: a parameter that is too large and one that is too small have the
+    same energy, but mix with others differently. Coefficients are not compressed and each pixel is scaled by itself,
+    because similar parameters differ by little. Images of 16 x 32 train faster than the paper's 64 x 256: with 600
+    samples of a machine with eight parameters the first four were right in 87 % instead of 65 %, after a twentieth of
+    the time.
 
     Parameters
     ----------

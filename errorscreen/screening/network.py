@@ -47,6 +47,12 @@ class NetworkScreener(BaseScreener):
     """
 
     trains = True
+    case_keys = {
+        "n_samples": "samples",
+        "epochs": "epochs",
+        "n_frequencies": "frequencies",
+        "n_columns": "columns",
+    }
 
     def __init__(
         self,
@@ -71,36 +77,11 @@ class NetworkScreener(BaseScreener):
         self.checkpoint = checkpoint
         self.progress = progress
 
-    @classmethod
-    def from_case(
-        cls, simulator: Simulator, section: Any, run: Any, folder: Path | None = None, progress: bool = False
-    ) -> NetworkScreener:
-        """Screener with the keys of a case file, see `BaseScreener.from_case`."""
-        return cls(
-            simulator,
-            n_samples=section.samples,
-            epochs=section.epochs,
-            n_frequencies=section.frequencies,
-            n_columns=section.columns,
-            random_state=run.random_state,
-            n_jobs=run.n_jobs,
-            checkpoint=None if folder is None else folder / "dataset",
-            progress=progress,
-        )
-
     def fit(self, X: Any, y: None = None) -> NetworkScreener:
-        """Simulate labelled errors, train the network, and read the error of one recording.
-
-        Parameters
-        ----------
-        X : Observation, or anything ``simulator.observe`` takes
-        y : None
-            Not used, present for scikit-learn.
+        """Simulate labelled errors, train the network, and read the error of one recording; see `BaseScreener.fit`.
 
         Raises
         ------
-        InputError
-            If an argument or the recording cannot be used.
         MissingExtraError
             If torch is not installed.
         """

@@ -17,18 +17,8 @@ from errorscreen.metrics import ranking
 
 class ContributionSelector(SelectorMixin, BaseEstimator, ABC):
     """Base class of selectors: `select` of a subclass picks from one score for each parameter.
-
-    As a scikit-learn feature selector it is fitted on the contributions of many samples. `transform` then keeps the
-    columns of the selected parameters of any table (n, m), for example of parameter values.
-
-    Attributes
-    ----------
-    scores_ : ndarray of shape (m,)
-        Mean contribution of each parameter over the samples.
-    selected_ : ndarray
-        Indices of the selected parameters, largest score first.
-    n_features_in_ : int
-        Number of parameters m.
+    As a scikit-learn feature selector it is fitted on the contributions of many samples; `transform` then keeps the
+    columns of the selected parameters of any table (n, m).
     """
 
     @abstractmethod

@@ -19,24 +19,13 @@ _TOGETHER = "list it under [[together]] in the case file"
 
 
 def doubts(observations: Sequence[Observation]) -> list[str]:
-    """Doubts about units, bases and signs of the recordings of a plant.
-
-    A grid has lines, of which no power is implausible.
-    """
+    """Doubts about units, bases and signs of the recordings of a plant; in a grid no power of a line is implausible."""
     played = [o for o in observations if isinstance(o.event, Playback)]
     return [f"{o.event.name}: {text}" for o in played for text in o.assumptions if isinstance(text, Doubt)]
 
 
 def advice(diagnosis: Diagnosis, study: Study, hints: Sequence[str] = ()) -> list[str]:
-    """Advice that follows from a diagnosis.
-
-    Parameters
-    ----------
-    diagnosis : Diagnosis
-    study : Study
-    hints : sequence of str
-        See `doubts`. They come first whatever the verdict is: parameters and effects can make up for a wrong unit.
-    """
+    """Advice that follows from a diagnosis, after `hints` (see `doubts`): a wrong unit can look like any cause."""
     kind, first = diagnosis.final.kind, diagnosis.causes[0]
     out = [*hints, *(_apart(group) for group in diagnosis.groups)]
     if kind == "unknown":

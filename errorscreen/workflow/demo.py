@@ -11,15 +11,7 @@ from errorscreen.workflow.study import Study
 
 
 def demo_study(seed: int, discovery: bool = True) -> Study:
-    """Synchronous machine with eight hidden deviations; few epochs, so that it ends in minutes on two cores.
-
-    Parameters
-    ----------
-    seed : int
-        Draws the hidden parameters and the noise; the methods have a seed of their own.
-    discovery : bool
-        Whether effects that the model may lack are searched too.
-    """
+    """Synchronous machine with eight hidden deviations that the seed draws; few epochs, so that it ends in minutes."""
     recording, held_out, truth = demo_recordings(seed)
     simulator = PlantSimulator("synchronous_machine", recording)
     sections = SimpleNamespace(

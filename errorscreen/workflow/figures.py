@@ -92,11 +92,7 @@ def _error_image(outcome: Outcome, best: str) -> ReportFigure:
 
 
 def _cells(observation: Observation, responses: NDArray[np.float64], random_state: int) -> tuple[Cell, ...]:
-    """Error of a response by channel, stage and band; none where too little was measured.
-
-    Noise that fitted parameters took with them is not counted, so of what a calibration leaves rather less is
-    significant.
-    """
+    """Error of a response by channel, stage and band; none where too little was measured."""
     try:
         z = observation.deviations(responses)[observation.mask]
         return residual_test([observation], z, random_state=random_state).cells

@@ -16,13 +16,7 @@ from errorscreen.simulators import PowerSystemSimulator
 def observed_grid(
     case: Case, grid: GridSection, recordings: tuple[Recording, ...]
 ) -> tuple[PowerSystemSimulator, tuple[Observation, ...]]:
-    """Simulator of a grid, and each recording beside what happened in it.
-
-    Raises
-    ------
-    InputError
-        If a recording is not one of this grid, or what happened is impossible in it.
-    """
+    """Simulator of a grid, and each recording beside its event; `InputError` if one of these is impossible in it."""
     events, notes = [], []
     for section, recording in zip(case.recordings.values(), recordings, strict=True):
         where = f"recording {recording.name!r}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -17,11 +17,11 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-import errorscreen
+from errorscreen._runtime.log_lines import at_each_line
 from errorscreen._runtime.processes import in_subprocess
 from errorscreen._runtime.store import Store
 from errorscreen._runtime.typed import from_json, to_json
-from errorscreen.calibration import CALIBRATORS
+from errorscreen.calibration import CALIBRATORS, MAPCalibrator
 from errorscreen.calibration.result import Calibration
 from errorscreen.data.observations import Observation
 from errorscreen.discovery import CauseFinder, Contribution, Diagnosis, FirstLook
@@ -34,7 +34,6 @@ from errorscreen.learning.regressors import import_network, require_network
 from errorscreen.report.result import Screening
 from errorscreen.screening import SCREENERS
 from errorscreen.simulators.base import REMEDIES, Simulator, Status
-from errorscreen.workflow.calibrate import calibrate, calibrate_map
 from errorscreen.workflow.outcome import Outcome, result_of, run_info
 from errorscreen.workflow.screen import screen
 from errorscreen.workflow.study import Study
@@ -72,13 +71,14 @@ def run_study(study: Study, out: str | Path, *, progress: bool = False) -> Outco
     store = Store(Path(out) / "stages")
     nominal = tuple(_nominal(study.simulator, o) for o in study.observations)
     with _selecting(study, store, progress) as (check, select):
-        with _checked(check):
+        with at_each_line(lambda _: check()):  # a long search ends as soon as its result is in vain
             looked = _first_look(study, store)
             diagnosis = _diagnosed(study, store)
         selected = select()
-    calibrations = [_calibrated_all(study, store, diagnosis)] if "map" in study.calibration.methods else []
     order: list[str] = list(study.calibration.methods)
-    calibrations = sorted([*calibrations, *selected.calibrated], key=lambda c: order.index(c.method))
+    all_of_them = [_calibrated_all(study, store, diagnosis)] if "map" in order else []
+    calibrations = [*selected.calibrated, *all_of_them]
+    calibrations.sort(key=lambda c: order.index(c.method))
     responses = {NOMINAL: nominal, **{c.label: _simulated(study, c) for c in calibrations}}
     fits = [one for one in calibrations if one is not diagnosis.calibration]
     counts = [(one.n_simulations, one.n_failed) for one in selected.screened]
@@ -110,10 +110,8 @@ class _Selected(NamedTuple):
 def _selecting(
     study: Study, store: Store, progress: bool
 ) -> Iterator[tuple[Callable[[], None], Callable[[], _Selected]]]:
-    """Screen and calibrate selections, in a process of its own where a network is to be trained.
-
-    The search takes longer, needs nothing of it, and leaves cores idle. Yields a function that raises errors of that
-    process, and one that waits for the result.
+    """Screen and calibrate selections, in a process of its own where a network is to be trained, beside the search.
+    Yields a function that raises errors of that process, and one that waits for the result.
     """
 
     def here() -> _Selected:
@@ -139,40 +137,10 @@ def _selecting(
         yield call.check, wait
 
 
-@contextmanager
-def _checked(check: Callable[[], None]) -> Iterator[None]:
-    """Call `check` at each line of the log, so that a long search ends as soon as its result is in vain."""
-    logger = logging.getLogger(errorscreen.__name__)
-    level, shown, propagate = logger.level, logger.getEffectiveLevel(), logger.propagate
-    handler = _Checking(check, logger.parent if propagate else None, shown)
-    logger.addHandler(handler)
-    logger.setLevel(min(logging.INFO, shown))
-    logger.propagate = False
-    try:
-        yield
-    finally:
-        logger.removeHandler(handler)
-        logger.setLevel(level)
-        logger.propagate = propagate
-
-
-class _Checking(logging.Handler):
-    """Handler that calls a function, lets its errors pass, and hands on the lines that were shown before."""
-
-    def __init__(self, check: Callable[[], None], parent: logging.Logger | None, shown: int) -> None:
-        super().__init__(logging.INFO)
-        self._check, self._parent, self._shown = check, parent, shown
-
-    def emit(self, record: logging.LogRecord) -> None:
-        self._check()
-        if self._parent is not None and record.levelno >= self._shown:
-            self._parent.callHandlers(record)
-
-
 def _selected(study: Study, store: Store, progress: bool) -> _Selected:
     """The published method: rank the parameters, and calibrate each selection."""
     screened = [_screened(method, study, store, progress) for method in study.screening.methods]
-    calibrated, settings = [], (study.calibration, study.run, progress)
+    calibrated = []
     for method in study.calibration.methods:
         if method == "map":
             continue  # the diagnosis holds this fit
@@ -182,23 +150,41 @@ def _selected(study: Study, store: Store, progress: bool) -> _Selected:
         for selection, names in selections:
             of = "all parameters" if names is None else f"the selection of {selection}: {', '.join(names)}"
             _log.info("calibration: %s on %s", method, of)
-            fit = partial(calibrate, method, study.simulator, study.observation, names, selection, *settings)
+            fit = partial(_calibrated, method, selection, names, study, progress)
             stages = store.under(study.fingerprint("calibration", names))
             calibrated.append(_kept(stages, f"calibration-{method}-{selection}", Calibration, fit))
     return _Selected(screened, calibrated, store.reused)
+
+
+def _calibrated(
+    method: str, selection: str, names: Sequence[str] | None, study: Study, progress: bool
+) -> Calibration:
+    """Fit selected parameters, or all, by a method of `CALIBRATORS`."""
+    start, kind = perf_counter(), CALIBRATORS[method]
+    fit = kind.from_case(study.simulator, names, study.calibration, study.run, progress)
+    return Calibration.of(fit.fit(study.observation), method, selection, perf_counter() - start)
+
+
+def _led_on(study: Study, base: Calibration) -> Calibration:
+    """Fit of all parameters with step and prior of the case file, from where that of the diagnosis ended."""
+    start, section = perf_counter(), study.calibration
+    calibrator = MAPCalibrator(
+        study.simulator,
+        prior_scale=section.prior_scale,
+        n_starts=1,
+        starts=base.theta(study.simulator.parameters),
+        level=section.level,
+        random_state=study.run.random_state,
+    ).fit(list(study.searched))
+    return Calibration.of(calibrator, "map", seconds=perf_counter() - start)
 
 
 def _screened(method: str, study: Study, store: Store, progress: bool) -> Screening:
     """Rank the parameters by one method, or take over an earlier ranking."""
     _log.info("screening: %s", method)
     stages = store.under(study.fingerprint("screening"))
-    settings = (study.screening, study.run, stages.folder, progress)
-    return _kept(
-        stages,
-        f"screening-{method}",
-        Screening,
-        lambda: screen(method, study.simulator, study.observation, *settings),
-    )
+    rank = partial(screen, method, study, stages.folder, progress)
+    return _kept(stages, f"screening-{method}", Screening, rank)
 
 
 @dataclass(frozen=True)
@@ -242,7 +228,7 @@ def _calibrated_all(study: Study, store: Store, diagnosis: Diagnosis) -> Calibra
     if section.prior_scale == PRIOR and not diagnosis.base_step > step:
         return diagnosis.calibration
     _log.info("calibration: map on all parameters")
-    fit = partial(calibrate_map, study.simulator, study.searched, diagnosis.calibration, section, study.run)
+    fit = partial(_led_on, study, diagnosis.calibration)
     key = study.fingerprint("diagnosis", study.together, section.prior_scale)
     return _kept(store.under(key), "calibration-map", Calibration, fit)
 

@@ -8,13 +8,12 @@ from time import perf_counter
 import numpy as np
 
 from errorscreen.calibration.problem import FitProblem
-from errorscreen.cases.case_models import RunSection, ScreeningSection
-from errorscreen.data.observations import Observation
+from errorscreen.cases.case_models import ScreeningSection
 from errorscreen.discovery.fits.rough_step import rough_step
 from errorscreen.report.result import Screening
 from errorscreen.screening import SCREENERS, RelativeThresholdSelector, TopKSelector
 from errorscreen.screening.network import THREADS
-from errorscreen.simulators.base import Simulator
+from errorscreen.workflow.study import Study
 
 
 def selector(section: ScreeningSection) -> TopKSelector | RelativeThresholdSelector:
@@ -24,24 +23,16 @@ def selector(section: ScreeningSection) -> TopKSelector | RelativeThresholdSelec
     return TopKSelector(section.top_k)
 
 
-def screen(
-    method: str,
-    simulator: Simulator,
-    observation: Observation,
-    section: ScreeningSection,
-    run: RunSection,
-    folder: Path,
-    progress: bool,
-) -> Screening:
+def screen(method: str, study: Study, folder: Path, progress: bool) -> Screening:
     """Rank the parameters by one screener, and select."""
-    start = perf_counter()
+    start, simulator, section, run = perf_counter(), study.simulator, study.screening, study.run
     kind, searched = SCREENERS[method], 0
     if kind.trains:
         # errors far below the noise do not change a ranking, so the training errors take a longer step
-        problem = FitProblem(simulator, observation)
+        problem = FitProblem(simulator, study.observation)
         step = rough_step(problem, np.zeros(len(problem.names)), run.random_state)
         simulator, searched = problem.with_step(step).simulator, problem.n_simulations
-    screener = kind.from_case(simulator, section, run, folder, progress).fit(observation)
+    screener = kind.from_case(simulator, section, run, folder, progress).fit(study.observation)
     rule = selector(section)
     words = (
         f"the {rule.k} largest" if hasattr(rule, "k") else f"those above {rule.threshold:g} of the largest"

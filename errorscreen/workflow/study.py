@@ -195,20 +195,7 @@ class Study:
 
 
 def check_effects(simulator: Simulator, section: DiscoverySection, source: str = "") -> None:
-    """Refuse names of effects that the simulator does not have, before hours of screening and calibration.
-
-    Parameters
-    ----------
-    simulator : Simulator
-    section : DiscoverySection
-    source : str
-        Case file, for the message.
-
-    Raises
-    ------
-    InputError
-        If an effect is unknown.
-    """
+    """Refuse unknown names of effects before hours of screening; `source` is the case file, for the message."""
     try:
         simulator.effects_named(section.effects)
     except InputError as error:
@@ -217,10 +204,7 @@ def check_effects(simulator: Simulator, section: DiscoverySection, source: str =
 
 
 def _check_distinct(study: Study) -> None:
-    """Refuse a recording to judge on that was fitted, or that counts twice: the gain would be flattered.
-
-    Names must differ too: what belongs to one event alone is switched by the name of the recording.
-    """
+    """Refuse a recording that is given twice, and equal names, by which event effects are switched."""
     seen: dict[str, str] = {}
     names: set[str] = set()
     for observation, role in zip(study.observations, study.roles, strict=True):

@@ -13,7 +13,7 @@ import pytest
 
 import errorscreen
 from errorscreen._runtime.persistence import save_arrays
-from errorscreen._runtime.store import FORMAT, VERSION, Store
+from errorscreen._runtime.store import FORMAT, VERSION, Store, digest
 from errorscreen.exceptions import InputError
 
 KEY = "a" * 64
@@ -154,3 +154,8 @@ def test_the_fingerprint_of_the_program_covers_all_rooms(tmp_path):
     with (copy / "data" / "observations.py").open("a") as handle:
         handle.write("\n# changed\n")
     assert program() != before
+
+
+def test_a_digest_is_that_of_the_values_and_their_types():
+    assert digest([1, 2.0], {"a": np.arange(3)}) == digest([1, 2.0], {"a": np.arange(3)})
+    assert digest(np.arange(3)) != digest(np.arange(3.0))

@@ -100,6 +100,6 @@ def test_what_a_grid_fault_tells_of_a_hydro_unit_is_where_to_measure():
     first = finder.input_locations_[0]
     assert (first.device, first.place) == ("synchronous_machine", "Efd")
     assert first.explained > 0.5
-    assert "record the field voltage" in " ".join(advice(finder, None))
+    assert "record the field voltage" in " ".join(advice(finder.diagnosis_, study))
     alike = [p.name for p in finder.input_locations_ if p.probability >= ALIKE * first.probability]
     assert [list(group.names) for group in finder.groups_] == ([alike] if len(alike) > 1 else [])

@@ -13,22 +13,8 @@ from errorscreen.simulators.base import Simulator
 def candidates(
     simulator: Simulator, observations: Sequence[Observation], names: Iterable[str] | None = None
 ) -> list[Effect]:
-    """Effects to try; an event-specific one is tried once for each recording.
-
-    An error of the event's record may also be common to several recordings: a relay that is always late. The names of
-    events tell recordings apart. Effects that the simulator has been extended by are left out.
-
-    Parameters
-    ----------
-    simulator : Simulator
-    observations : sequence of Observation
-    names : iterable of str, optional
-        All of the simulator's where not given.
-
-    Raises
-    ------
-    InputError
-        If a name is unknown, or the simulator has been extended by that effect.
+    """Effects to try, of these names or all; an event-specific one once for each recording, told apart by event names.
+    An error of the event's record may also be common to several recordings: a relay that is always late.
     """
     events = {o.event.name: o.event for o in observations}
     found: list[Effect] = []

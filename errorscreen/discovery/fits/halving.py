@@ -26,10 +26,7 @@ def try_all(calls: Iterable[Callable[[], _T]], threads: int) -> list[_T | None]:
 
 
 def fit_to_end(fits: Iterable[JointFit | None], threads: int) -> list[JointFit]:
-    """Continue fits in parallel; stop those that have ended, or are too far above the best to reach it.
-
-    A fit that could not begin (None, see `try_all`) is left out.
-    """
+    """Continue fits in parallel until they end or are too far above the best; a None (see `try_all`) is left out."""
     started = [fit for fit in fits if fit is not None]
     running = started
     for _ in range(SLICES):

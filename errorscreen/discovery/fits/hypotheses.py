@@ -1,13 +1,11 @@
 r"""Joint fits of all parameters and some effects, and the evidence of each.
 
-A hypothesis is the model with none, one or several effects of its library. All parameters are fitted together with
-those of the effects. The evidence is Laplace's approximation of the marginal likelihood at the most probable values,
+The evidence is Laplace's approximation of the marginal likelihood at the most probable values,
 
 .. math:: \ln Z = -\tfrac12 \Big(\chi^2 + \sum_j u_j^2/s^2\Big) - \tfrac12 \ln\det(I + s^2 J^T J)            \qquad (D1)
 
 with deviations u in multiples of each parameter's scale, their prior standard deviation s and the sensitivities J of
-the residuals (D. J. C. MacKay, *Information Theory, Inference, and Learning Algorithms*, 2003, section 28.1). The
-second term is the :math:`\tfrac12 k \ln N` of BIC, but only for directions that the recordings determine.
+the residuals (D. J. C. MacKay, *Information Theory, Inference, and Learning Algorithms*, 2003, section 28.1).
 """
 
 from __future__ import annotations
@@ -162,16 +160,17 @@ class Hypothesis(Displayed):
         width : float
             Half width of the intervals in standard deviations, 1.645 for 90 %.
         """
-        deviation = np.sqrt(np.diag(self.covariance))
+        every, local = self.intervals(width), {p.name: effect.local(p.name) for p in effect.parameters}
+        return {name: every[own] for name, own in local.items() if own in every}
+
+    def intervals(self, width: float) -> dict[str, tuple[float, float, float]]:
+        """Value, lower and upper end of each fitted parameter, for a half width in standard deviations."""
+        space, half = self.simulator.parameters, width * np.sqrt(np.diag(self.covariance))
         found = {}
-        for parameter in effect.parameters:
-            name = effect.local(parameter.name)
-            if name not in self.names:
-                continue
-            own = self.simulator.parameters[name]
-            value = float(self.theta[self.simulator.parameters.index(name)])
-            half = width * float(deviation[self.names.index(name)]) * float(own.scale or 1.0)
-            found[parameter.name] = (value, max(own.lower, value - half), min(own.upper, value + half))
+        for name, deviation in zip(self.names, half.tolist(), strict=True):
+            own, value = space[name], float(self.theta[space.index(name)])
+            margin = deviation * float(own.scale or 1.0)
+            found[name] = (value, max(own.lower, value - margin), min(own.upper, value + margin))
         return found
 
     def predict(self, event: Any) -> _Array:
@@ -180,24 +179,9 @@ class Hypothesis(Displayed):
 
 
 class JointFit:
-    """Fit of all parameters and some effects that can be stopped and continued.
-
-    Parameters
-    ----------
-    effects : sequence of Effect
-        Those of the problem's simulator.
-    problem : FitProblem
-    starts : array-like of shape (s, k)
-        Deviations from the nominal values in multiples of the scales.
-    central : bool
-        See `BoundedSearch`; `hypothesis` needs it.
-    step : float, optional
-        Integration step until `exact`, see `rough_step`; the problem's own where not given.
-
-    Raises
-    ------
-    SimulationError
-        If no start can be simulated.
+    """Fit of all parameters and some effects, from starts (s, k), that can be stopped and continued.
+    With `step` it uses that integration step until `exact` (see `rough_step`); `hypothesis` needs `central`. Raises
+    `SimulationError` if no start can be simulated.
     """
 
     def __init__(
@@ -316,13 +300,7 @@ def hypothesis_of(
 
 
 def linearised(problem: FitProblem, u: ArrayLike) -> tuple[_Array, _Array]:
-    """Residuals (N,) and sensitivities (N, k) at a point in units of the scales.
-
-    Raises
-    ------
-    SimulationError
-        If the point cannot be simulated.
-    """
+    """Residuals (N,) and sensitivities (N, k) at a point in units of the scales; `SimulationError` if it fails."""
     track = _linearised(problem, u).best
     assert track.jacobian is not None
     return track.residuals, track.jacobian

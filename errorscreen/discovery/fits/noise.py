@@ -25,20 +25,7 @@ def quiet_part(observation: Observation) -> NDArray[np.bool_]:
 
 
 def noise_model(observations: Sequence[Observation], residuals: ArrayLike) -> tuple[float, list[float]]:
-    """Correlation time of the quiet residuals, and uncertainty of each recording's noise level.
-
-    Parameters
-    ----------
-    observations : sequence of Observation
-    residuals : array-like of shape (N,)
-
-    Returns
-    -------
-    tau : float
-        In samples.
-    spread : list of float
-        Relative standard error of the noise level of each recording.
-    """
+    """Correlation time of the quiet residuals in samples, and relative error of each recording's noise level."""
     # about a slow trend, as for the level: an offset before the event is an error, not noise
     tau = correlation_time(*_quiet_rows(observations, residuals, "linear"))
     counts = [int(quiet_part(observation).sum()) for observation in observations]

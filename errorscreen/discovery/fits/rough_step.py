@@ -1,7 +1,4 @@
-"""A longer integration step for fits that are only ranked, where its error is well below noise.
-
-Most simulations of a search only rank starts and effects. Final fits and tests use the step of the simulator.
-"""
+"""A longer integration step for fits that are only ranked, where its error is well below noise."""
 
 from __future__ import annotations
 
@@ -21,24 +18,7 @@ _LARGEST, _SHARE = 0.5, 0.9
 
 def rough_step(problem: FitProblem, u: ArrayLike, random_state: Any = 0) -> float | None:
     """Longest step in seconds that is good enough to rank fits; None where only the simulator's own is.
-
-    Parameters
-    ----------
-    problem : FitProblem
-    u : array-like of shape (k,)
-        Fitted deviations in multiples of the scales; the step must be good enough there.
-    random_state : None, int, SeedSequence, Generator or RandomState
-        Of the other parameter vectors.
-
-    Examples
-    --------
-    >>> from errorscreen.cases.demo import demo_recordings
-    >>> from errorscreen.simulators import PlantSimulator
-    >>> recording, _, _ = demo_recordings(0)
-    >>> plant = PlantSimulator("synchronous_machine", recording)
-    >>> problem = FitProblem(plant, recording)
-    >>> plant.step, round(rough_step(problem, np.zeros(len(problem.names))), 4)
-    (0.0025, 0.0083)
+    It is tested at a point u (k,) and at vectors from all over the ranges.
     """
     step = getattr(problem.simulator, "step", None)
     # no step goes beyond the next sample
@@ -62,11 +42,7 @@ def rough_step(problem: FitProblem, u: ArrayLike, random_state: Any = 0) -> floa
 
 
 def good_enough(problem: FitProblem, u: ArrayLike, step: float | None) -> float | None:
-    """Return the longer step if it is good enough at a point u (k,), else None.
-
-    An effect may need a shorter step than the model alone: friction that holds a shaft, a clock that is a fraction of
-    a step late.
-    """
+    """The longer step if it is good enough at a point u (k,), else None: friction may need a shorter one."""
     if step is None:
         return None
     values = problem.values(np.atleast_2d(u))

@@ -16,25 +16,9 @@ _LESS = 0.9
 
 
 class CandidateSet:
-    """Hypotheses about some recordings; one is *adequate* if what it leaves passes for noise.
-
-    Parameters
-    ----------
-    significance : float
-        Probability that noise alone leaves what counts as more than noise.
-    seed : int
-        Of the test.
-
-    Attributes
-    ----------
-    hypotheses : list of Hypothesis
-        One for each set of effects that was fitted.
-    residual_tests : dict of str to ResidualTest
-        What each leaves, by its name.
-    scores : dict of str to float
-        Logarithm of the evidence, (D1) with `ResidualTest.excess` in place of χ².
-    signatures : dict of str to float
-        Objective that each effect promised beside parameters alone.
+    """Fitted hypotheses, one for each set of effects; one is *adequate* if its residuals pass for noise.
+    By name: `residual_tests`, `scores` (logarithm of the evidence (D1) with `ResidualTest.excess` in place of χ²), and
+    `signatures` (objective that each effect promised beside parameters alone).
     """
 
     def __init__(self, significance: float, seed: int) -> None:
@@ -56,7 +40,7 @@ class CandidateSet:
         return sorted(found, key=lambda h: -self.scores[h.name])
 
     def is_adequate(self, hypothesis: Hypothesis) -> bool:
-        """Whether what a hypothesis leaves passes for noise."""
+        """Whether the residuals of a hypothesis pass for noise."""
         return self.passes(self.residual_tests[hypothesis.name])
 
     @property
@@ -73,7 +57,7 @@ class CandidateSet:
         return next((h for h in self.hypotheses if set(h.effects) == set(effects)), None)
 
     def nearest(self, size: int) -> Hypothesis | None:
-        """Of those with so many effects what is most evident."""
+        """The most evident one with so many effects."""
         return max(self.with_effects(size), key=lambda h: self.scores[h.name], default=None)
 
     def beside(self, base: Hypothesis) -> list[Hypothesis]:
@@ -91,21 +75,18 @@ class CandidateSet:
         return self.residual_tests[hypothesis.name].excess < share * whole
 
     def adds(self, hypothesis: Hypothesis) -> bool:
-        """Whether every effect of a hypothesis adds something: the others alone leave notably more, as far as known.
-
-        By χ² beyond what noise is expected to leave; `ResidualTest.excess` counts what noise leaves by chance, too.
-        """
+        """Whether each effect adds something: every fitted subset leaves notably more χ² beyond expected noise."""
         own = set(hypothesis.effects)
         fewer = (h for h in self.hypotheses if h.effects and set(h.effects) < own)
         left = hypothesis.chi2 - len(hypothesis.residuals)
         return all(left < _LESS * (h.chi2 - len(h.residuals)) for h in fewer)
 
     def passes(self, remainder: ResidualTest) -> bool:
-        """Whether what is left passes for noise."""
+        """Whether residuals pass for noise."""
         return remainder.p_value > self.significance
 
     def test(self, hypothesis: Hypothesis) -> ResidualTest:
-        """Test whether what a hypothesis leaves is noise."""
+        """Test whether the residuals of a hypothesis are noise."""
         return residual_test(
             hypothesis.observations,
             hypothesis.residuals,

@@ -106,17 +106,7 @@ class ModelFit:
 
 
 def channel_fits(observation: Observation, responses: ArrayLike) -> list[ChannelFit]:
-    """Figures of each channel that was measured.
-
-    Parameters
-    ----------
-    observation : Observation
-    responses : array-like of shape (R, L)
-        Simulated channels.
-
-    Returns
-    -------
-    list of ChannelFit
+    """Figures of each channel that was measured, for simulated channels of shape (R, L).
 
     Examples
     --------
@@ -154,10 +144,8 @@ def stage_names(observation: Observation) -> tuple[str, ...]:
 
 
 def stage_limits(observation: Observation) -> NDArray[np.float64]:
-    """Instants in seconds between which the stages of `stage_names` lie, shape (6,).
-
-    The fault ends where the voltage has come back by half of its largest deviation within the first second; without a
-    voltage, or if it never comes back (a step), after 0.2 s.
+    """Instants (6,) in seconds between which the stages lie. The fault ends where the voltage has come back by half of
+    its largest deviation within the first second; without a voltage, or if it never comes back (a step), after 0.2 s.
     """
     time, start = observation.time, observation.event.start
     if isinstance(observation.event, InputSignal):
@@ -177,17 +165,7 @@ def stage_limits(observation: Observation) -> NDArray[np.float64]:
 
 
 def stage_errors(observation: Observation, responses: ArrayLike) -> list[StageError]:
-    """Where in time the error of each channel lies.
-
-    Parameters
-    ----------
-    observation : Observation
-    responses : array-like of shape (R, L)
-
-    Returns
-    -------
-    list of StageError
-        Of each stage in which something was measured.
+    """Where in time the error of each channel (R, L) lies, for each stage in which something was measured.
 
     Examples
     --------

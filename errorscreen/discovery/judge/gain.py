@@ -1,15 +1,11 @@
 r"""What an extension of a model gains on events that were not fitted, against the best the old model can do.
 
-For each held-out recording the mean square of the deviations z (errors in multiples of what is uncertain) of three
-models is compared: as it was, recalibrated, and extended. The gain is
+With the squared deviations z of the recalibrated and of the extended model over all held-out events, the gain is
 
 .. math:: g = 1 - \frac{\sum z_{ext}^2}{\sum z_{recal}^2}                                        \qquad (D4)
 
-over all held-out events. Its interval comes from a bootstrap over events and, within each, over blocks of time (the
-circular block bootstrap of Politis and Romano, in *Exploring the Limits of Bootstrap*, 1992, because errors are smooth
-in time), which are two correlation times of the recalibrated model's errors long, but at most a quarter of the record.
-What a *placebo* gains, the extension by a wrong effect with as many parameters where one was fitted, shows how much any
-additional freedom would have gained.
+Its interval comes from a bootstrap over events and, within each, over blocks of time (the circular block bootstrap of
+Politis and Romano, in *Exploring the Limits of Bootstrap*, 1992, because errors are smooth in time).
 """
 
 from __future__ import annotations
@@ -111,7 +107,7 @@ def measure_gain(
 ) -> Gain:
     """Compare simulators, each at its nominal values, on recordings that none of them was fitted to.
 
-    All of them take the step of `extended`: a smaller one is no gain of what was added.
+    All of them take the step of `extended`: a smaller one is no gain.
 
     Parameters
     ----------
@@ -121,8 +117,8 @@ def measure_gain(
         With what was found, at its fitted values.
     held_out : Observation, or anything ``old.observe`` takes, or a list of them
     fitted : Observation, or anything ``old.observe`` takes, or a list of them, optional
-        What `extended` was fitted to. The old model is recalibrated on it, and some wrong effects of its library are
-        fitted, the best of which is the placebo, unless they are given.
+        What `extended` was fitted to. Unless they are given, `recalibrated` and the best of some wrong effects, as
+        `placebo`, are fitted to it.
     recalibrated : Simulator, optional
         The old model with the parameters that fit best without the extension: the fair baseline. Without it and without
         `fitted` the old model is taken for calibrated.
@@ -131,7 +127,7 @@ def measure_gain(
     level : float
         Probability of the interval, between 0 and 1.
     random_state : None, int, SeedSequence, Generator or RandomState
-        Of the bootstrap, of calibrations, and of the choice among wrong effects with as many parameters.
+        Of the bootstrap, of calibrations, and of the choice among wrong effects.
 
     Returns
     -------
@@ -201,7 +197,6 @@ def _calibrated(model: Simulator, fitted: Sequence[Observation], rng: np.random.
 
 
 def _recalibrated(model: Simulator, fitted: Sequence[Observation], rng: np.random.Generator) -> Simulator:
-    """The same with the parameters that fit best."""
     found = _calibrated(model, fitted, rng)
     if not found.converged_:
         warnings.warn(
@@ -217,10 +212,7 @@ def _recalibrated(model: Simulator, fitted: Sequence[Observation], rng: np.rando
 def _placebo(
     old: Simulator, extended: Simulator, fitted: Sequence[Observation], rng: np.random.Generator
 ) -> Simulator | None:
-    """The old model with a wrong effect, with as many parameters as the extension has if there is one, fitted.
-
-    Of several that which fits best.
-    """
+    """The old model with the best of some wrong effects, with about as many parameters as the extension."""
     right = {effect.original for effect in extended.extensions}
     wrong = [e for e in old.effects_named(None) if e.original not in right and not e.event_specific]
     if not wrong or not right:
@@ -259,6 +251,6 @@ def _gain(old: float, new: float) -> float:
 
 
 def _blocks(length: int, width: int, rng: np.random.Generator) -> NDArray[np.int64]:
-    """Indices of blocks on a circle that together are as long as the series: each sample is drawn as often."""
+    """Indices of blocks on a circle that together are as long as the series, so that each sample is drawn as often."""
     starts = rng.integers(length, size=-(-length // width))
     return np.asarray((starts[:, None] + np.arange(width)).ravel()[:length] % length)

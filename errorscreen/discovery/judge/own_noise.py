@@ -27,19 +27,9 @@ _Array = NDArray[np.float64]
 def own_noise(
     hypothesis: Hypothesis, simulator: Simulator, measured: Sequence[Observation]
 ) -> list[Observation]:
-    """Observations of a hypothesis with the noise of injected signals as it passes through the model with its effects.
-
-    A slow control of the reactive power with a large gain makes slow errors of the noise of the voltage, one with a lag
-    less of it than the model without.
-
-    Parameters
-    ----------
-    hypothesis : Hypothesis
-    simulator : Simulator
-        Of the hypothesis, perhaps with another step.
-    measured : sequence of Observation
-        With the noise that was estimated without effects, from which what passes less is subtracted: those of a
-        hypothesis may have lost it already.
+    """Recordings with the noise of injected signals as it passes through a hypothesis with its effects.
+    `measured` has the noise that was estimated without effects; the simulator may have another step than the
+    hypothesis.
     """
     before = simulator.parameters.nominal  # noise was estimated without effects
     before[[simulator.parameters.index(e.local(e.strength.name)) for e in hypothesis.effects]] = 0.0
@@ -49,30 +39,10 @@ def own_noise(
 def refitted(
     hypothesis: Hypothesis, measured: Sequence[Observation], random_state: Any = 0
 ) -> tuple[Hypothesis, _Array, int]:
-    """Return a hypothesis fitted with the noise that belongs to it, and what else does nearly as well.
-
-    Parameters of an effect can have several minima that differ by less than noise does: of a dead band only one edge
-    may be known, of a rate limit that it is not reached. So fits also start at values of these parameters drawn all
-    over their ranges, where the objective is lowest if the other parameters follow by the linear model, as in (D2).
-
-    The energy of the noise that passes (`errorscreen.calibration.attenuation`) follows the model's parameters smoothly,
-    but not those of an effect, a filter or the edge of a dead band, as far as their intervals reach. So its slope along
-    these is left out.
-
-    Parameters
-    ----------
-    hypothesis : Hypothesis
-        Where it cannot be fitted it stays as it is.
-    measured : sequence of Observation
-        See `own_noise`.
-    random_state : None, int, SeedSequence, Generator or RandomState
-
-    Returns
-    -------
-    hypothesis : Hypothesis
-    others : ndarray of shape (s, k)
-        Where fits from other starts have ended, in units of the scales.
-    n_simulations : int
+    """A hypothesis fitted with its own noise, the ends (s, k) of fits from other starts, and the number of simulations.
+    An effect can have several minima that differ by less than noise, such as a dead band of which one edge is known. So
+    fits also start at drawn values of its parameters where (D2) is lowest. The noise energy does not follow effects
+    smoothly, so its slope along their parameters is left out. Where nothing can be fitted the hypothesis stays.
     """
     observations = own_noise(hypothesis, hypothesis.simulator, measured)
     problem = FitProblem(hypothesis.simulator, observations, hypothesis.names)

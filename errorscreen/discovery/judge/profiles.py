@@ -39,34 +39,16 @@ def with_profiles(
     measured: Sequence[Observation],
     random_state: int = 0,
 ) -> tuple[list[Cause], list[Hypothesis], int]:
-    r"""Causes with final values and profiled intervals of their parameters.
+    r"""Causes with final values and profiled intervals of their parameters; their last fits; the number of simulations.
 
-    What is probable is fitted once more with the noise of injected signals that belongs to it (`refitted`). Limiters,
-    dead bands and timers have no slope that holds for long, and what lies at a bound is free on one side only: a
-    recording in which a voltage of 326 V does nothing and one of 321 V trips tells of the threshold that it lies
-    between them; the derivative is zero anywhere there. So each parameter is moved away from its value, all others are
-    fitted again inside their bounds, and the interval goes on as long as the objective is
+    Probable causes are fitted once more with their own noise (`refitted`). Then each parameter is moved away from its
+    value while all others are fitted again inside their bounds, as long as
 
     .. math:: F(\theta_j) \le F(\hat\theta) + w^2
 
     with w the half width in standard deviations (profile likelihood: Venzon and Moolgavkar, Applied Statistics 37,
-    1988). It ends at the prior's interval at the latest. Where everything is smooth it is that of the linear model.
-
-    Parameters
-    ----------
-    causes : sequence of Cause
-    hypotheses : sequence of Hypothesis
-        Those that the causes stand for. Causes that are improbable are left as they are.
-    measured : sequence of Observation
-        With the noise that was estimated without effects.
-    random_state : int
-
-    Returns
-    -------
-    causes : list of Cause
-    hypotheses : list of Hypothesis
-        Those of probable causes as they were fitted last, all others as they were, in the same order.
-    n_simulations : int
+    1988), at most to the prior's interval. Thresholds and timers have no slope that holds for long, so the linear model
+    fails.
     """
     fits, told, count = {h.name: h for h in hypotheses}, [], 0
     for cause in causes:
@@ -98,17 +80,8 @@ def _profiled(cause: Cause, hypothesis: Hypothesis, others: _Array) -> tuple[tup
 def profile(
     hypothesis: Hypothesis, name: str, width: float, others: ArrayLike = ()
 ) -> tuple[float, float, int]:
-    """Lower and upper end of the profile interval of one parameter, and the simulations that it took.
-
-    Parameters
-    ----------
-    hypothesis : Hypothesis
-    name : str
-        Of a parameter that was fitted.
-    width : float
-        Half width in standard deviations.
-    others : array-like of shape (s, k)
-        Where other fits have ended, in units of the scales: what does as well belongs to the interval.
+    """Ends of a parameter's profile interval for a half width in standard deviations, and the simulations that it took.
+    The ends of other fits, `others` (s, k) in units of the scales, belong to the interval if they fit as well.
     """
     path = _Path(hypothesis, name, width, others)
     low, high = (path.end(sign) for sign in (-1.0, 1.0))
@@ -118,13 +91,7 @@ def profile(
 
 
 class _Path:
-    """Fits in which one parameter is given, and all others follow.
-
-    Parameters
-    ----------
-    hypothesis, name, width, others
-        See `profile`.
-    """
+    """Fits in which one parameter is given, and all others follow."""
 
     def __init__(self, hypothesis: Hypothesis, name: str, width: float, others: ArrayLike) -> None:
         self.problem = FitProblem(hypothesis.simulator, list(hypothesis.observations), hypothesis.names)
@@ -165,7 +132,7 @@ class _Path:
         return float(good[self._j])
 
     def _followed(self, value: float, near: _Array) -> _Array | None:
-        """Others led to where the objective is below the limit, from those of a value that is near; None if not."""
+        """The other parameters led from those of a near value to below the limit; None if that fails."""
         starts = [near + (value - near[self._j]) * way for way in self._ways]
         search = BoundedSearch(
             lambda v: self.problem.residuals(self.problem.values(np.insert(v, self._j, value, axis=1))),

@@ -125,16 +125,10 @@ class Cause:
 
 def rank_causes(found: CandidateSet) -> list[Cause]:
     """Causes and "unknown", the most probable first; their probabilities sum to 1.
-
-    "Unknown" comes first only if it is more probable than the first cause and all others that predict the same.
-
-    Hypotheses that leave only noise are compared by their evidence. Where there is none, what explains nearly all of
-    what parameters leave counts as being of the right kind, in another form than the library's. Nothing counts beside
-    parameters that were not led to a minimum: other values of them may do as well.
-
-    Parameters
-    ----------
-    found : ModelSearch
+    Adequate hypotheses are compared by their evidence. Without any, an effect that explains nearly all of the error
+    counts as being of the right kind, in another form than the library's. No effect counts beside parameters that are
+    not at a minimum. "Unknown" comes first only if it is more probable than the first cause and all that predict the
+    same.
     """
     causes = _exact(found)
     if not causes:
@@ -180,9 +174,8 @@ def _exact(found: CandidateSet) -> list[Cause]:
 
 
 def _form_alone(found: CandidateSet, causes: list[Cause]) -> bool:
-    """Whether two effects are named of which one leaves only a trace: the other makes up for the form of the first.
-
-    Or nearly all, and the other does not mend that: the two passed for noise by luck.
+    """Whether the second of two named effects only makes up for the form of the first: the first alone leaves a trace,
+    or explains nearly all while the second hardly lowers the rest.
     """
     first = max(causes, key=lambda c: c.probability)
     if len(first.effects) < 2:
@@ -197,10 +190,8 @@ def _form_alone(found: CandidateSet, causes: list[Cause]) -> bool:
 
 
 def _with_two(found: CandidateSet, alone: list[Cause], exact: list[Cause]) -> list[Cause]:
-    """Effects in another form than the library's, and the two that leave only noise, if the second mends the rest.
-
-    A trace is left that is more than noise: another form of the one effect, or little of a second one. Nothing in the
-    recordings tells which, so both have the same probability.
+    """Single effects in another form than the library's, and the two that leave only noise if the second lowers the
+    rest. The rest of the one may be its form or a weak second effect: both get the same probability.
     """
     two = max(exact, key=lambda c: c.probability)
     one = max((c for c in alone if set(c.effects) <= set(two.effects)), key=lambda c: c.probability)
@@ -211,11 +202,7 @@ def _with_two(found: CandidateSet, alone: list[Cause], exact: list[Cause]) -> li
 
 
 def _of_a_kind(found: CandidateSet) -> list[Cause]:
-    """Effects that explain nearly everything, though not in the form that the library gives them.
-
-    Single ones if one of them does; else pairs, of which more is asked. (An effect that was not led to its end explains
-    even more than is seen.)
-    """
+    """Effects that explain nearly everything in another form than the library's: single ones, else pairs."""
     for size, most in ((1, _FORM), (2, _FORM_OF_TWO)):
         members = found.with_effects(size) if found.base.at_rest else []
         left = np.array([1.0 - _explained(found, h) for h in members])
@@ -264,18 +251,7 @@ def _estimates(hypothesis: Hypothesis, effect: Effect, exact: bool) -> Iterator[
 def stamped(
     hypothesis: Hypothesis, name: str, interval: tuple[float, float, float]
 ) -> tuple[float, float, float]:
-    """Value and interval of a parameter, wider for a time: it is known no better than when readings were taken.
-
-    A timer begins to run where a signal that is injected crosses a threshold, at some instant between two samples.
-
-    Parameters
-    ----------
-    hypothesis : Hypothesis
-    name : str
-        Of the parameter.
-    interval : (float, float, float)
-        Value, lower and upper end.
-    """
+    """Value and ends of a parameter's interval; a time is known no better than its readings were stamped."""
     own = hypothesis.simulator.parameters[name]
     played = [o.event for o in hypothesis.observations if isinstance(o.event, Playback)]
     timers = [e.local(p.name) for e in hypothesis.effects if e.minima > 1 for p in e.parameters]

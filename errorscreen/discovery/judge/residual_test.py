@@ -1,14 +1,12 @@
 r"""Is what a fit leaves noise? A test of the residuals in cells of channel, stage and frequency band.
 
-Residuals z of a fit are noise less what the fitted parameters took of it. Their null distribution comes from a
-parametric bootstrap in the tangent space: noise w with the correlation in time of the quiet part, a scale that is as
-uncertain as its estimate, and without what the linear model would have fitted,
+The null distribution comes from a parametric bootstrap in the tangent space: noise w with the correlation in time of
+the quiet part and an uncertain scale, without what the linear model would have fitted,
 
 .. math:: z^* = w - J_f (J_f^T J_f + I/s^2)^{-1} J_f^T w                                               \qquad (D3)
 
-with the sensitivities J_f of the parameters that do not lie at a bound. Bounds, the prior and correlated noise make the
-textbook χ² distribution wrong; (D3) keeps them. The energy of each cell is compared with its null distribution through
-the cube root (Wilson and Hilferty, PNAS 17, 1931), which is nearly normal; the test statistic is the largest excess.
+with the sensitivities J_f of the parameters that do not lie at a bound. Energies of cells are compared through the cube
+root (Wilson and Hilferty, PNAS 17, 1931), which is nearly normal; the test statistic is the largest excess.
 """
 
 from __future__ import annotations
@@ -97,11 +95,7 @@ class ResidualTest:
 
     @property
     def excess(self) -> float:
-        """Energy beyond what noise has on average, over all cells that have more: the part of χ² that is to explain.
-
-        What a cell has less than noise does not count: an effect that smooths injected noise lowers χ² without
-        explaining anything.
-        """
+        """Energy beyond the mean of noise, over all cells that have more: smoothing noise explains nothing."""
         return float(sum(max(c.ratio - 1.0, 0.0) * c.expected for c in self.cells))
 
     @property
@@ -196,9 +190,8 @@ def _drawn(observations: Sequence[Observation], jacobian: _Array, null: _Array) 
 def _compared(
     energy: _Array, draw: Callable[[int], _Array], n_bootstrap: int
 ) -> tuple[_Array, _Array, _Array]:
-    """What noise has in each cell (cells,), the excess of each, and the largest of each draw, see `_excess`.
-
-    What noise has is of the first draws for all residuals, because fits are compared by it.
+    """Mean energy of noise and excess of each cell (cells,), and the largest excess of each draw (n,).
+    The mean is that of the first draws for all residuals, because fits are compared by it.
     """
     first = drawn = draw(min(n_bootstrap, _FIRST_DRAWS))
     excess, largest = _excess(energy, drawn)
@@ -217,9 +210,8 @@ def _excess(energy: _Array, drawn: _Array) -> tuple[_Array, _Array]:
 
 
 def bands(observation: Observation) -> tuple[float, ...]:
-    """Edges of the frequency bands in Hz: `BANDS` in a grid; of any other system, even in the logarithm.
-
-    From four periods in the record to half of what its sampling resolves.
+    """Edges of the frequency bands in Hz: `BANDS` in a grid; else even in the logarithm, from four periods in the
+    record to half of what its sampling resolves.
     """
     if not isinstance(observation.event, InputSignal):
         return BANDS

@@ -75,28 +75,13 @@ class Group:
 
 
 def group_of(members: Sequence[Hypothesis], events: Iterable[Event]) -> Group:
-    """Fitted hypotheses as a group, with what would separate them.
-
-    Parameters
-    ----------
-    members : sequence of Hypothesis
-        The most probable first.
-    events : iterable of Event
-        Those that could be recorded.
-    """
+    """Fitted hypotheses, the most probable first, as a group with what would separate them in these events."""
     states = [states_of(h.simulator, h.theta, h.observations[0].event) for h in members]
     return Group(tuple(h.name for h in members), separating(members, events), differing(states))
 
 
 def separating(members: Sequence[Hypothesis], events: Iterable[Event]) -> tuple[Separation, ...]:
-    """Channels of events in which hypotheses differ, the largest difference first.
-
-    Parameters
-    ----------
-    members : sequence of Hypothesis
-    events : iterable of Event
-        One that cannot be simulated with each of them is left out.
-    """
+    """Differences of hypotheses in each channel of the events that all of them can simulate, the largest first."""
     found = []
     reference = members[0].observations[0]
     for event in events:
@@ -113,16 +98,7 @@ def separating(members: Sequence[Hypothesis], events: Iterable[Event]) -> tuple[
 
 
 def states_of(simulator: Simulator, theta: ArrayLike, event: Event) -> States:
-    """States inside all devices in which effects can act, but for those that are recorded.
-
-    Empty where they cannot be seen.
-
-    Parameters
-    ----------
-    simulator : Simulator
-    theta : array-like of shape (m,)
-    event : Event
-    """
+    """States of all devices in which effects can act, but for the recorded ones; empty where they cannot be seen."""
     inside = ("mechanism", "latent")
     devices = dict.fromkeys(effect.device for effect in simulator.effects if effect.kind in inside)
     recorded = simulator.simulate(theta, event).values[0]
@@ -142,19 +118,7 @@ def device_name(simulator: Simulator, device: str) -> str:
 
 
 def differing(members: Sequence[States]) -> tuple[StateDifference, ...]:
-    """States in which explanations differ most, the largest difference first.
-
-    Parameters
-    ----------
-    members : sequence of mapping
-        States with each of them; those that only some have are left out.
-
-    Examples
-    --------
-    >>> t = np.linspace(0.0, 1.0, 101)
-    >>> differing([{("unit", "speed"): t, ("unit", "flux"): t}, {("unit", "speed"): 0.0 * t, ("unit", "flux"): t}])
-    (StateDifference(device='unit', state='speed', share=0.58),)
-    """
+    """States that all explanations have and in which they differ most, the largest difference first."""
     found = []
     for key in set.intersection(*(set(states) for states in members)):
         rows = np.array([states[key] for states in members])

@@ -87,16 +87,11 @@ def judge(
     before_passes, after_passes = (nominal <= limit, fitted <= limit) if passes is None else passes
     estimated = any(quiet_part(o).any() for o in observations)
     if after_passes and not before_passes and fitted < (limit**-2 if estimated else _FAR_BELOW):
+        moves = "Something else than noise moves before the event: use a window without it, or give"
         return Verdict(
             "unknown",
             "What is left is far below what was taken for noise, so errors of that size cannot be seen and nothing "
-            f"can be concluded. {figures} "
-            + (
-                "Something else than noise moves before the event: use a window without it, or give"
-                if estimated
-                else "Give"
-            )
-            + " the noise of the channels.",
+            f"can be concluded. {figures} {moves if estimated else 'Give'} the noise of the channels.",
         )
     if before_passes:
         return _agreed(figures, calibrator.simulator, held_out)
@@ -171,9 +166,8 @@ def held_out_limit(calibrator: Any, observation: Observation) -> tuple[float, fl
     z = observation.deviations(responses)[:, observation.mask]
     forward, backward = np.split(z[1:], 2)
     spread = np.nansum((0.5 * (forward - backward)) ** 2, axis=0)
-    return float(np.mean(z[0] ** 2)), noise_limit([observation], [responses[0]]) + 6.0 * float(
-        np.mean(spread)
-    )
+    limit = noise_limit([observation], [responses[0]]) + 6.0 * float(np.mean(spread))
+    return float(np.mean(z[0] ** 2)), limit
 
 
 def _agreed(figures: str, simulator: Simulator, held_out: Sequence[Observation]) -> Verdict:
@@ -182,9 +176,8 @@ def _agreed(figures: str, simulator: Simulator, held_out: Sequence[Observation])
     def limit(observation: Observation) -> tuple[float, float]:
         observation = simulator.fit_initial_state(observation)
         y = simulator.simulate(simulator.parameters.nominal, observation.event).values[0]
-        return float(np.mean(observation.deviations(y)[observation.mask] ** 2)), noise_limit(
-            [observation], [y]
-        )
+        chi2_per_sample = float(np.mean(observation.deviations(y)[observation.mask] ** 2))
+        return chi2_per_sample, noise_limit([observation], [y])
 
     failed = _beyond(held_out, limit)
     if failed:

@@ -1,7 +1,6 @@
 """Joint fits with one effect more: from the best signatures, or of all effects from the nominal parameters.
 
-A signature is linear in the parameters. It overlooks an effect where fitted parameters have made up for it, or would
-have to move far. Some iterations of a joint fit from the nominal values do not, but cost more.
+A signature overlooks an effect if parameters have made up for it or must move far; fits from nominal values cost more.
 """
 
 from __future__ import annotations
@@ -33,8 +32,7 @@ def fits_from_signatures(
     threshold: float,
 ) -> Sequence[JointFit]:
     """Fit effects beside those of a hypothesis from their signatures; the best `n_fits` are fitted to the end.
-
-    Left out are effects that promise no objective below `threshold`, and sets of names that are `known`.
+    Effects that promise no objective below `threshold`, and `known` sets of names, are left out.
     """
     matches = 0 if base.effects else min(_MATCHES, _MATCHES_EACH * len(base.u))
 
@@ -59,7 +57,6 @@ def fits_from_nominal(
     threads: int = 1,
 ) -> Sequence[JointFit]:
     """Fit single effects from the nominal parameters; the best `n_fits` are fitted to the end.
-
     Of an event-specific effect only the best recording goes on: it would crowd out all others.
     """
 

@@ -20,15 +20,9 @@ Part = dict[str, NDArray[np.generic]]
 
 
 class Journal:
-    """Results of the parts of a search, in the order of its calls.
-
-    The same search makes the same calls in the same order, so a stored part is read instead of computed. Of a fit only
-    the point is stored; the rest follows from one linearisation.
-
-    Parameters
-    ----------
-    store : Store, optional
-        Nothing is stored where not given.
+    """Results of the parts of a search, in the order of its calls; without a store nothing is kept.
+    The same search makes the same calls, so a stored part is read instead of computed. Of a fit only the point is
+    stored.
     """
 
     def __init__(self, store: Store | None = None) -> None:
@@ -45,10 +39,7 @@ class Journal:
     def fitted(
         self, effects: Sequence[Effect], problem: FitProblem, fit: Callable[[], Hypothesis | None]
     ) -> Hypothesis | None:
-        """Fit of some effects to a problem; None if it raised `SimulationError` or returned None.
-
-        The problem counts simulations of a stored fit as well.
-        """
+        """Fit of some effects; None if it failed. The simulations of a stored fit count, too."""
         before = problem.n_simulations
         found: Hypothesis | None = None  # of this call: needs no linearisation
 

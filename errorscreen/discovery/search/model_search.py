@@ -41,26 +41,7 @@ _MOST_PAIRS = 300
 
 
 class ModelSearch(Refinement):
-    """Forward and backward search for effects beside the parameters.
-
-    Parameters
-    ----------
-    base : Hypothesis
-        Without effects.
-    max_effects, n_fits, n_draws, significance
-        See `CauseFinder`.
-    seed : int
-    journal : Journal, optional
-        Of the finished parts.
-
-    Attributes
-    ----------
-    hypotheses, residual_tests, scores, measured
-        See `CandidateSet` and `Refinement`.
-    signatures : dict of str to float
-        Objective that each effect promised.
-    n_simulations : int
-    """
+    """Forward and backward search for effects beside the parameters; options as of `CauseFinder`."""
 
     def __init__(
         self,
@@ -113,10 +94,7 @@ class ModelSearch(Refinement):
 
     @property
     def _clearly_adequate(self) -> bool:
-        """Whether parameters suffice, or a fit is adequate by a margin.
-
-        One that only just passes may imitate an effect with a poor signature.
-        """
+        """Whether parameters suffice, or a fit passes by a margin: one that just passes may be an imitation."""
         clear = (self.residual_tests[h.name].p_value > _CLEARLY_NOISE for h in self.adequate)
         return self.is_adequate(self.base) or any(clear)
 
@@ -179,10 +157,8 @@ class ModelSearch(Refinement):
 
     def _exchange_effects(self, candidates: Sequence[Effect]) -> None:
         """Try all others in place of each effect of the nearest fit, and beside effects that may be right alone.
-
-        Forward selection may have begun with an imitation: a long ramp looks like a cessation. And beside the right
-        effect, a fit may have made up for the second, whose signature is then poor. Where two effects promise nothing
-        alone, all pairs are tried, unless they are too many.
+        Forward selection may have begun with an imitation, or overlooked the second effect. Where two effects promise
+        nothing alone, all pairs are tried, unless they are too many.
         """
         best = self.nearest(self.most_effects)
         if self.adequate or best is None or len(best.effects) < 2:
@@ -235,10 +211,7 @@ class ModelSearch(Refinement):
         self.n_simulations += sum(problem.n_simulations for problem in problems.values())
 
     def _restart_nearest(self) -> None:
-        """Where nothing is adequate: restart the nearest fits and their single effects from all over the ranges.
-
-        A fit in a local minimum looks exactly like a missing effect.
-        """
+        """Where nothing is adequate, restart the nearest fits and their effects: they may be in local minima."""
         sets: list[tuple[Effect, ...]] = []
         for number in range(self.max_effects + 1):
             nearest = self.nearest(number)
@@ -257,10 +230,7 @@ class ModelSearch(Refinement):
             self._refit(effects, self.base, near, everywhere=True)
 
     def _restart_again(self) -> None:
-        """Restart the nearest fit again if it has many minima and leaves little enough to be named.
-
-        The more thresholds and timers, the fewer starts reach the lowest minimum.
-        """
+        """Restart the nearest fit again if it has many minima and leaves little enough to be named."""
         for times in range(2, _TIMES + 1):
             nearest = self.nearest(self.most_effects)
             if (
@@ -274,18 +244,14 @@ class ModelSearch(Refinement):
             self._restart_everywhere(nearest, times)
 
     def _drop_effects(self) -> None:
-        """Fit the best adequate hypothesis without each of its effects.
-
-        Forward selection may have begun wrongly, or the fit without effects was stuck: it starts again from here.
-        """
+        """Fit the best adequate hypothesis without each of its effects: forward selection may have begun wrongly."""
         if self.adequate:
             best = self.adequate[0]
             for effects in _without_each(best):
                 self._refit(effects, best, [best], everywhere=bool(effects))
 
     def _improve_parts(self, again: bool) -> None:
-        """Improve single effects of the likely result if they leave little, so that no pair is named for a stuck one.
-
+        """Improve single effects of the likely result that leave little, so that no pair is named for a stuck one.
         With `again` they are fitted from the new fit without effects first.
         """
         best = max(self.adequate or self.hypotheses, key=lambda h: self.scores[h.name])

@@ -1,15 +1,12 @@
 r"""Fits to an ever longer part of the recordings, from starts all over the ranges.
 
-The first part after an event has few local minima, and what comes later is known well enough when it is reached: an
-oscillation that is fitted from its first swing on cannot end half a period off. But parameters that only show later,
-such as the recovery of a plant, stay at the prior's value until then. So before each longer part, starts scatter around
-the current ones, as far as the shorter part leaves them free,
+The first part after an event has few local minima. Before each longer part, starts scatter around the current ones as
+far as the shorter part leaves them free,
 
 .. math:: u' \sim N\big(u,\ w^2 (J^T J + I/s^2)^{-1}\big)                                                   \qquad (D6)
 
-and the best of each on the longer part joins. This is a particle filter for parameters that do not change (N. Chopin,
-"A sequential particle filter method for static models", *Biometrika* 89(3), 2002), with Gauss-Newton steps in place of
-its random ones.
+and the best of each on the longer part joins: a particle filter for parameters that do not change (N. Chopin, "A
+sequential particle filter method for static models", *Biometrika* 89(3), 2002) with Gauss-Newton steps.
 """
 
 from __future__ import annotations
@@ -54,27 +51,8 @@ _Array = NDArray[np.float64]
 
 class PartwiseFit:
     """Fit of some effects to an ever longer part of the recordings that can be stopped and continued.
-
-    Parameters
-    ----------
-    effects : sequence of Effect
-        Those of the problem's simulator.
-    problem : FitProblem
-    starts : array-like of shape (s, k)
-        Deviations from the nominal values in multiples of the scales.
-    random_state : None, int, SeedSequence, Generator or RandomState
-        For the points that scatter around them.
-    step : float, optional
-        See `rough_step`.
-
-    Attributes
-    ----------
-    reached : ndarray of shape (r, k)
-        Current points of the starts that fit the part best, the best first.
-    objective : float
-        Lowest objective on the part.
-    part : FitProblem
-        Fit to the part; to the whole before the first.
+    `starts` (s, k) and `reached` (r, k), the best first, are in multiples of the scales; `part` is the problem of the
+    current part, `objective` the lowest on it; for `step` see `rough_step`.
     """
 
     def __init__(
@@ -103,13 +81,7 @@ class PartwiseFit:
         return self._step
 
     def run(self, parts: int = len(_PARTS)) -> PartwiseFit:
-        """Continue until so many parts have been fitted.
-
-        Raises
-        ------
-        SimulationError
-            If no start can be simulated.
-        """
+        """Continue until so many parts have been fitted; `SimulationError` if no start can be simulated."""
         for share, kept, iterations in _PARTS[self._number : parts]:
             self.part = part = (self._rough if self.step else self.problem).until(share)
             starts = self.reached if self._fit is None else self._scattered(self._fit, part)
@@ -135,11 +107,9 @@ def start_partwise(
     random_state: Any = 0,
     step: float | None = None,
 ) -> PartwiseFit:
-    """Partwise fit from n starts all over the ranges, not yet run.
-
-    Around each of n values of the effects' own parameters all others are drawn, and the best draw is a start. Half of
-    the values of an effect that `base` holds scatter around the fitted ones; all of them where another effect joins,
-    because a strong effect is often known before the others fit.
+    """Partwise fit, not yet run, from the best draw around each of n values of the effects' parameters.
+    Half of the values of an effect that `base` holds scatter around the fitted ones; all of them where another effect
+    joins, because a strong effect is often known before the others fit.
     """
     rng = generator(random_state)
     u = problem.drawn(n * _DRAWN, rng).reshape(n, _DRAWN, -1)
@@ -162,18 +132,8 @@ def fit_growing_parts(
     hopeful: Callable[[PartwiseFit], bool] | None = None,
 ) -> Sequence[JointFit]:
     """Run partwise fits by successive halving, and fit the best n to the whole recordings.
-
-    All begin with few starts; the best begin again with many.
-
-    Parameters
-    ----------
-    fits : iterable of callable
-        Each takes the number of starts and returns a fit.
-    n : int
-    threads : int
-        Each has one fit at a time.
-    hopeful : callable, optional
-        Whether one of the best is worth continuing; called after the parts `CHECKED`.
+    Each of `fits` takes a number of starts: few at first, many for the best. After the parts `CHECKED`, `hopeful` tells
+    which go on.
     """
     begin = list(fits)
     running: list[PartwiseFit] = []

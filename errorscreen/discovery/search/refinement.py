@@ -60,27 +60,7 @@ _Proposal = Callable[[FitProblem], Sequence[_Array] | _Array]
 
 
 class Refinement(CandidateSet):
-    """Fitted hypotheses, each of which can be improved.
-
-    Parameters
-    ----------
-    base : Hypothesis
-        Without effects.
-    significance, seed
-        See `CandidateSet`.
-    journal : Journal, optional
-        Of the finished parts.
-
-    Attributes
-    ----------
-    hypotheses, residual_tests, scores
-        See `CandidateSet`.
-    measured : tuple of Observation
-        With the noise that was estimated without effects.
-    rough_step : float or None
-        For fits that are only ranked, see `errorscreen.discovery.fits.rough_step`.
-    n_simulations : int
-    """
+    """Fitted hypotheses, each of which can be improved; `measured` has the noise that was estimated without effects."""
 
     def __init__(self, base: Hypothesis, significance: float, seed: int, journal: Journal | None) -> None:
         super().__init__(significance, seed)
@@ -145,10 +125,7 @@ class Refinement(CandidateSet):
                 self._try_starts(hypothesis, partial(_own_point, hypothesis), worth=0.0)
 
     def improve_base(self) -> None:
-        """Restart the fit without effects until nothing leads lower, unless it is adequate and the most evident.
-
-        A stalled search has reached no minimum, and missing effects are judged against this fit.
-        """
+        """Restart the fit without effects until nothing leads lower, because missing effects are judged against it."""
         base = self.base
         self._restart_from_neighbours(base)
         if self.base is not base:
@@ -207,11 +184,8 @@ class Refinement(CandidateSet):
         return better
 
     def _refine_step(self, hypothesis: Hypothesis) -> Hypothesis:
-        """Fit a hypothesis that is near noise again, with a finer step and the noise that passes through it.
-
-        The rest may be the error of the integration, or noise of the injected signals that passes through the model
-        with its effects otherwise than through the nominal one. If the fit becomes adequate, all others near noise are
-        treated alike, so that evidences stay comparable; otherwise nothing changes.
+        """Fit a hypothesis near noise again with a finer step and its own noise, which may explain the rest.
+        If it becomes adequate, all others near noise are treated alike, so that evidences stay comparable.
         """
         tried = hypothesis.objective in self._no_finer
         if tried or self.is_adequate(hypothesis) or hypothesis.chi2_per_sample > _NEAR:
@@ -249,10 +223,7 @@ class Refinement(CandidateSet):
     def _refit(
         self, effects: Sequence[Effect], like: Hypothesis, near: Sequence[Hypothesis], *, everywhere: bool
     ) -> Hypothesis | None:
-        """Fit effects with the step and noise of a hypothesis, from the ends of some fits.
-
-        With `everywhere` also from all over the ranges.
-        """
+        """Fit effects with step and noise of `like`, from the ends of `near` and, if `everywhere`, all ranges."""
         before = self.fit_of(effects)
         starts = [*near, *([before] if before else [])]
         fitted = self._fit_effects(effects, like.observations, like.simulator, starts)

@@ -41,11 +41,9 @@ _Array = NDArray[np.float64]
 def scan_effect_parameters(
     hypothesis: Hypothesis, problem: FitProblem, random_state: Any = 0, step: float | None = None
 ) -> list[_Array]:
-    """Starts (k,) that promise a lower objective than a fit of the problem, the lowest first.
-
-    Each parameter of an effect moves through its range alone; the others follow by the linear model, as in (D2). This
-    helps timers, instants and frequencies, of which a fit finds the nearest minimum only. The parameters of an effect
-    with many minima also move together, over ever smaller parts of their ranges. For `step` see `rough_step`.
+    """Starts (k,) that promise a lower objective than a fit, the lowest first.
+    Each parameter of an effect moves through its range alone, those of an effect with many minima also together; the
+    others follow by (D2). A fit finds only the nearest minimum of timers, instants and frequencies.
     """
     rough = problem.with_step(step)
     least = hypothesis.objective if step is None else float(objectives(rough, hypothesis.u[None])[0])
@@ -80,13 +78,7 @@ def scan_effect_parameters(
 def fit_from_starts(
     hypothesis: Hypothesis, problem: FitProblem, starts: ArrayLike, worth: float, step: float | None = None
 ) -> Hypothesis | None:
-    """Fit of a hypothesis from other starts (s, k); None if its objective is not lower by `worth`.
-
-    Raises
-    ------
-    SimulationError
-        If none of the starts can be simulated.
-    """
+    """Fit of a hypothesis from other starts (s, k); None if its objective is not lower by `worth`."""
     fit = fit_with_halving(hypothesis.effects, problem, starts, step).pursue(hypothesis.objective).exact()
     return fit.hypothesis() if fit.objective <= hypothesis.objective - worth else None
 
@@ -105,28 +97,9 @@ def restart_from_neighbours(
     hypothesis: Hypothesis, problem: FitProblem, least: float, random_state: Any = 0
 ) -> Hypothesis:
     """Fit of a hypothesis from its own point and from starts that scatter around it, (D6).
-
-    Where a limiter begins to act, the slopes on both sides differ, and a search may stall: the linear model of one side
-    promises a descent that no step keeps. Starts around the point see the other sides.
-
-    Parameters
-    ----------
-    hypothesis : Hypothesis
-    problem : FitProblem
-        It was fitted to.
-    least : float
-        The smallest decrease of the objective that counts.
-    random_state : None, int, SeedSequence, Generator or RandomState
-
-    Returns
-    -------
-    Hypothesis
-        Its state is ``"corner"`` if the search stalled again, and no start of two rounds led lower by `least`.
-
-    Raises
-    ------
-    SimulationError
-        If it cannot be simulated.
+    A search may stall where a limiter begins to act: the linear model of one side promises a descent that no step
+    keeps. The state is ``"corner"`` if it stalls again, and two rounds of starts lower the objective by less than
+    `least`.
     """
     fit = JointFit(hypothesis.effects, problem, hypothesis.u)
     before, rng = fit.objective, generator(random_state)
@@ -142,10 +115,8 @@ def restart_from_neighbours(
 
 
 def search_all_ranges(problem: FitProblem, random_state: Any = 0) -> _Array:
-    """Deviations (k,) at the lowest objective that differential evolution finds, in multiples of the scales.
-
-    For few parameters, among them thresholds and timers that act again and again, whose minima are all narrow (Storn
-    and Price, J. Global Optimization 11, 1997).
+    """Deviations (k,) at the lowest objective that differential evolution finds (Storn and Price, J. Global
+    Optimization 11, 1997), for few parameters with many narrow minima: thresholds and timers that act again and again.
     """
     moved = np.arange(len(problem.names))
     rng = generator(random_state)
@@ -154,10 +125,8 @@ def search_all_ranges(problem: FitProblem, random_state: Any = 0) -> _Array:
 
 def move_off_edge(hypothesis: Hypothesis, problem: FitProblem, random_state: Any = 0) -> _Array:
     """Points (s, k) beside a fit, the lowest first, with the most sharply determined parameter of an effect moved.
-
-    A fit may have put a threshold on the very edge of acting at all, where a millionth changes the instant: this
-    makes up for a wrong timer. So the threshold is moved off the edge, and differential evolution searches the other
-    parameters of the effects with many minima (at least one); those of the model stay.
+    A threshold on the very edge of acting makes up for a wrong timer. So it is moved off, and differential evolution
+    searches the other parameters of the effects with many minima (at least one); those of the model stay.
     """
     rng = generator(random_state)
     names = [e.local(p.name) for e in hypothesis.effects if e.minima > 1 for p in e.parameters]

@@ -42,37 +42,16 @@ _Array = NDArray[np.float64]
 class SignatureSearch:
     r"""Scores an effect by variable projection: its own parameters are drawn, all others follow from the linear model.
 
-    For each draw p of the effect's parameters the model is simulated at some points u of the other parameters, and
+    For each draw p the model is simulated at some points u of the other parameters, with sensitivities J there, and
 
     .. math:: \min_\delta |z(u, p) + J\delta|^2 + |u + \delta|^2/s^2
        = |z|^2 + |u|^2/s^2 - g^T (J^T J + I/s^2)^{-1} g,\quad g = J^T z + u/s^2                     \qquad (D2)
 
     is the objective that the joint fit can be expected to reach (Golub and Pereyra, Inverse Problems 19, 2003). Later
-    rounds draw around the best so far, over ever smaller parts of the ranges, because some effects have many local
-    minima (the frequency and phase of an oscillation). If an effect has nothing but a strength, the linear model also
-    gives the strength: one that is small against its range, such as a clock that is microseconds late, would hardly be
-    drawn.
-
-    Parameters
-    ----------
-    simulator : Simulator
-        Without the effect.
-    observations : sequence of Observation
-    effect : Effect
-    points : sequence of (ndarray of shape (k,), ndarray of shape (N, k))
-        Deviations u of the parameters of `simulator`, and the sensitivities there.
-    n_draws : int
-        In each round; in the first as many for each of `Effect.minima`.
-    random_state : None, int, SeedSequence, Generator or RandomState
-    step : float, optional
-        See `rough_step`.
-
-    Attributes
-    ----------
-    problem : FitProblem
-        Of the extended simulator.
-    step : float or None
-        None from the first round on where it is not good enough with the effect.
+    rounds draw around the best so far, over ever smaller parts of the ranges. A lone strength also comes from the
+    linear model, because a small one would hardly be drawn. `points` are pairs of u (k,) and J (N, k). `step` (see
+    `rough_step`) becomes None after the first round if it is not good enough with the effect; `problem` is the extended
+    one.
     """
 
     def __init__(
@@ -152,10 +131,7 @@ class SignatureSearch:
         return np.reshape(found, (-1, 1))
 
     def starts(self, n_matches: int = 0) -> _Array:
-        """Starts (s, k) of joint fits, in units of the scales, for an effect whose objective is finite.
-
-        The best two of `n_matches` simulations with all other parameters drawn as well are starts, too.
-        """
+        """Starts (s, k) of joint fits, for a finite objective, and the best two of `n_matches` fully drawn ones."""
         found: list[tuple[float, _Array]] = []
         for (u, _), best in zip(self._points, self._best, strict=True):
             lowest, x, step = best[0]
@@ -212,10 +188,7 @@ class SignatureSearch:
 def successive_halving(
     searches: Sequence[SignatureSearch], n_fits: int, threads: int = 1
 ) -> list[SignatureSearch]:
-    """Run searches, of which fewer and fewer go on to the next round; the most promising first.
-
-    `n_fits` effects will be fitted; each of the threads has one search at a time.
-    """
+    """Run searches, of which fewer and fewer go on to the next round; return all, the most promising first."""
     ranked, kept = list(searches), len(searches)
     for rounds, share in enumerate((*_HALVING, 0), start=1):
         parallel_map([partial(one.run, rounds) for one in ranked[:kept]], threads)
@@ -245,9 +218,8 @@ def _minimum(J: _Array, slope: _Array) -> _Array:
 
 def spread_over(space: ParameterSpace, first: int, shares: _Array, effects: Sequence[Effect] = ()) -> _Array:
     """Deviations (n, d) of the parameters from number `first` on, at shares (n, d) of their ranges.
-
-    Ranges over more than a decade are divided in the logarithm: time constants and rates are known by order of
-    magnitude. A range that begins at 0, or is symmetrical, begins at `Effect.smallest` where given.
+    Ranges over more than a decade are divided in the logarithm. A range that begins at 0, or is symmetrical, begins at
+    `Effect.smallest` where given.
     """
     lower, upper = space.bounds[first:].T
     least = {effect.local(name): value for effect in effects for name, value in effect.smallest.items()}

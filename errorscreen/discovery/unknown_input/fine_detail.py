@@ -1,18 +1,17 @@
 r"""Evidence of an unknown signal with fine detail between its knots.
 
-A power step has edges that no signal between knots follows. What it leaves there favours a wrong location whose inertia
-smooths the edges anyway. So signals are compared with fine detail, to which responses are linear,
+A power step has edges that no signal between knots follows; what it leaves favours a wrong location whose inertia
+smooths the edges. So signals are compared with fine detail, to which responses are linear,
 
 .. math::
 
     \ln Z = \max_\tau \Big(-\tfrac12 \min_u \big(r^T K^{-1} r + \textstyle\sum_j u_j^2/s^2\big)
     - \tfrac12 \ln\det K - \tfrac12 \ln\det(I + s^2 J^T K^{-1} J)\Big), \quad K = I + \tau^2 G G^T  \qquad (D7)
 
-with residuals r and their sensitivities J to the deviations u of parameters and knots inside their bounds, whose prior
-has the standard deviation s as in (D1), and G to narrow pulses all over the window. Their heights are a sample of white
-noise of standard deviation τ, so that responses have the covariance K of a Gaussian process, and this is its marginal
-likelihood at the best τ (C. E. Rasmussen and C. K. I. Williams, *Gaussian Processes for Machine Learning*, 2006,
-equation 2.30 and section 5.4.1). At the right location little detail explains much.
+with residuals r, sensitivities J to the deviations u of parameters and knots inside their bounds, the prior's s as in
+(D1), and G those to narrow pulses all over the window, whose heights are white noise of standard deviation τ: the
+marginal likelihood of a Gaussian process (C. E. Rasmussen and C. K. I. Williams, *Gaussian Processes for Machine
+Learning*, 2006, equation 2.30 and section 5.4.1).
 """
 
 from __future__ import annotations
@@ -48,25 +47,9 @@ _Array = NDArray[np.float64]
 
 @dataclass(frozen=True, repr=False)
 class DetailedSignal:
-    """An unknown signal with fine detail.
-
-    Parameters
-    ----------
-    hypothesis : Hypothesis
-        With the signal between knots alone.
-    evidence : float
-        (D7), for χ² less the propagated noise, as that of `Hypothesis`.
-    height : float
-        τ in multiples of the signal's scale.
-    residuals : ndarray of shape (N,)
-        After signal and detail.
-    freedom : float
-        Degrees of freedom of deviations and detail: noise alone leaves a χ² of N less these.
-    knots : ndarray of shape (KNOTS,)
-        Of the signal in the first recording, in the unit of the port.
-    pulses : ndarray of shape (p,)
-        Heights of the pulses there, at the most probable detail if the residuals are noise of their size.
-    n_simulations : int
+    """An unknown signal with fine detail, at the most probable τ (`height`, in multiples of the signal's scale).
+    `evidence` is (D7) for χ² less the propagated noise; noise alone leaves a χ² of N less `freedom`. `knots` (KNOTS,)
+    and `pulses` (p,) are those of the first recording, in the unit of the port.
     """
 
     hypothesis: Hypothesis
@@ -96,23 +79,7 @@ class DetailedSignal:
 
 
 class Covariance:
-    r"""Covariance :math:`K = I + \tau^2 G G^T` of residuals, for any τ.
-
-    One decomposition serves all τ, and nothing is as large as N by N.
-
-    Parameters
-    ----------
-    pulses : ndarray of shape (n, p)
-        G.
-
-    Examples
-    --------
-    >>> covariance = Covariance(np.array([[3.0], [4.0]]))
-    >>> covariance.solve(1.0, np.array([3.0, 4.0])) * 26
-    array([3., 4.])
-    >>> bool(np.isclose(np.exp(covariance.log_determinant(1.0)), 26.0))
-    True
-    """
+    r"""Covariance :math:`K = I + \tau^2 G G^T` of residuals for any τ, by one decomposition of the pulses G (n, p)."""
 
     def __init__(self, pulses: _Array) -> None:
         powers, self._axes = np.linalg.eigh(pulses.T @ pulses)
@@ -154,24 +121,8 @@ class Covariance:
 
 
 def with_fine_detail(hypothesis: Hypothesis) -> DetailedSignal:
-    """Give a fitted unknown signal fine detail.
-
-    Without detail a fit may have drawn parameters far off, so some Gauss-Newton steps follow with K as the covariance
-    of the noise, each as far as simulations confirm.
-
-    Parameters
-    ----------
-    hypothesis : Hypothesis
-        Its effects are unknown signals at one port, see `errorscreen.effects.latent_input`.
-
-    Returns
-    -------
-    DetailedSignal
-
-    Raises
-    ------
-    SimulationError
-        If the hypothesis cannot be simulated.
+    """Give a fitted unknown signal at one port fine detail; `SimulationError` if it cannot be simulated.
+    Some Gauss-Newton steps with K as covariance follow, because without detail a fit may have drawn parameters far off.
     """
     fit = _DetailedFit(hypothesis)
     for _ in range(_STEPS):

@@ -176,12 +176,9 @@ def _first_fit(signals: Sequence[Effect], problem: FitProblem, starts: _Array) -
 
 def probabilities_of(found: Sequence[DetailedSignal]) -> _Array:
     """Probabilities (n,) of locations by their excess, and a little by how simple the signal is.
-
-    The best excess counts as noise of that size and smoothness (`noise_inflation`). But it is no noise: the linear
-    model of the detail and wrong parameters of a device leave errors of form everywhere, and the wrong location may
-    leave a little less. So the odds of two locations are at most the squared ratio of their excesses. Evidence, (D7),
-    also prefers simple signals, but that depends on the prior of each port: an input of a controller and its output
-    explain the same by different signals. It counts at most three to one.
+    The best excess counts as noise of that size and smoothness, but it is partly error of form: the odds are at most
+    the squared ratio of two excesses. Evidence, (D7), depends on the prior of each port, so it counts at most three to
+    one.
     """
     n = len(found[0].residuals)
     evidence, excess = (np.array([getattr(s, name) for s in found]) for name in ("evidence", "excess"))
@@ -202,13 +199,7 @@ def _explained(hypothesis: Hypothesis, base: Hypothesis) -> float:
 
 
 def waveform(knots: _Array, time: _Array, start: float, pulses: _Array | None = None) -> _Array:
-    """Values of (I1) at instants in seconds for an event at `start`, with equally spaced pulses if given.
-
-    Examples
-    --------
-    >>> waveform(np.ones(32), np.array([0.0, 1.0, 2.0]), 1.0)
-    array([0., 0., 1.])
-    """
+    """Values of (I1) at instants in seconds for an event at `start`, with equally spaced pulses if given."""
     share = np.clip(time - start, 0.0, None) / (time[-1] - start)
     signal = np.interp(np.sqrt(share) * KNOTS, np.arange(KNOTS + 1), np.r_[0.0, knots])
     if pulses is None:
@@ -217,10 +208,7 @@ def waveform(knots: _Array, time: _Array, start: float, pulses: _Array | None = 
 
 
 def _quantities(base: Hypothesis) -> dict[str, dict[str, _Array]]:
-    """Signals and states of each device that an unknown input may depend on, in the first recording.
-
-    They are simulated without the input, because all that it acts on moves with it.
-    """
+    """Signals and states of each device in the first recording, without the input, which all would follow."""
     observation = base.observations[0]
     event, time = observation.event, observation.time
     signals = dict(zip(observation.channels, base.predict(event), strict=True))
