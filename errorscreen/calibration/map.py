@@ -256,7 +256,7 @@ class MAPCalibrator(BaseCalibrator):
         """
         check_is_fitted(self, "intervals_")
         if not self.converged_:
-            text = "The search did not end at a minimum: the samples show little of what the data leave open."
+            text = "The search did not end at a minimum: the samples show little of the uncertainty."
             warnings.warn(DataWarning(text), stacklevel=2)
         mean, precision, lower, upper, u = self._posterior
         samples = sample_truncated_normal(

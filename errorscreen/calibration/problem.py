@@ -23,7 +23,7 @@ from errorscreen.simulators.observations import as_observations, check_names
 _CHUNK = 2**24
 #: fewest measured samples after the start of an event in a part of a recording
 _LEAST = 8
-#: most propagated noise beyond what was counted that a fit accepts, in multiples of the noise
+#: a fit is refused if more unaccounted noise than this passes, in multiples of the noise
 _MOST_PASSED = 0.5
 
 

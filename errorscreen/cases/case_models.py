@@ -172,7 +172,7 @@ class DiscoverySection(Section):
     draws: int = setting(128, "draws of an effect's parameters in each round of its signature", ge=8)
     significance: float = setting(
         0.002,
-        "the remainder counts as more than noise below this probability; the test resolves 0.001",
+        "residuals count as more than noise below this probability; the test resolves 0.001",
         ge=0.001,
         lt=1,
     )

@@ -27,9 +27,8 @@ from errorscreen.effects.stabiliser import STABILISER
 from errorscreen.effects.volt_var import VOLT_VAR
 from errorscreen.exceptions import InputError
 
-#: Effects of the library. Those at one port act in this order, and the draws of a search follow it. An unknown signal
-#: enters at ports that add a quantity of their own; a signal that enters before such a port, as at df and Pwi of the
-#: wind plant, shows there.
+#: Effects of the library. Effects at one port act in this order. `latent_*` exist only for ports that add a quantity of
+#: their own: a signal at df of the wind plant, say, would show at the next of these ports.
 EFFECTS: Registry[Effect] = Registry(
     "effect",
     "errorscreen.effects",

@@ -11,7 +11,7 @@ from errorscreen.effects.base import Effect
 
 _log = logging.getLogger(__name__)
 
-#: what leaves more than this share of what one effect less leaves has gained next to nothing from it
+#: an effect adds nothing if the excess without it is less than a tenth larger
 _LESS = 0.9
 
 
@@ -49,7 +49,7 @@ class CandidateSet:
         return max(len(h.effects) for h in self.hypotheses)
 
     def with_effects(self, size: int) -> list[Hypothesis]:
-        """Those with so many effects."""
+        """Hypotheses with `size` effects."""
         return [h for h in self.hypotheses if len(h.effects) == size]
 
     def fit_of(self, effects: Iterable[Effect]) -> Hypothesis | None:
@@ -57,7 +57,7 @@ class CandidateSet:
         return next((h for h in self.hypotheses if set(h.effects) == set(effects)), None)
 
     def nearest(self, size: int) -> Hypothesis | None:
-        """The most evident one with so many effects."""
+        """The most evident hypothesis with `size` effects."""
         return max(self.with_effects(size), key=lambda h: self.scores[h.name], default=None)
 
     def beside(self, base: Hypothesis) -> list[Hypothesis]:
@@ -66,11 +66,11 @@ class CandidateSet:
         return sorted((h for h in more if set(h.effects) > set(base.effects)), key=lambda h: h.objective)
 
     def explained(self, size: int, share: float) -> bool:
-        """Whether so many effects leave less than this share of what parameters leave."""
+        """Whether a hypothesis with `size` effects leaves less than this share of the excess of the parameters."""
         return any(self.leaves_less(h, share) for h in self.with_effects(size))
 
     def leaves_less(self, hypothesis: Hypothesis, share: float) -> bool:
-        """Whether a hypothesis leaves less than this share of what parameters leave."""
+        """Whether a hypothesis leaves less than this share of the excess of the parameters."""
         whole = self.residual_tests[self.base.name].excess
         return self.residual_tests[hypothesis.name].excess < share * whole
 
@@ -81,9 +81,9 @@ class CandidateSet:
         left = hypothesis.chi2 - len(hypothesis.residuals)
         return all(left < _LESS * (h.chi2 - len(h.residuals)) for h in fewer)
 
-    def passes(self, remainder: ResidualTest) -> bool:
+    def passes(self, test: ResidualTest) -> bool:
         """Whether residuals pass for noise."""
-        return remainder.p_value > self.significance
+        return test.p_value > self.significance
 
     def test(self, hypothesis: Hypothesis) -> ResidualTest:
         """Test whether the residuals of a hypothesis are noise."""
@@ -95,14 +95,12 @@ class CandidateSet:
             random_state=self.seed,
         )
 
-    def keep(
-        self, hypothesis: Hypothesis, remainder: ResidualTest, instead: Hypothesis | None = None
-    ) -> None:
+    def keep(self, hypothesis: Hypothesis, test: ResidualTest, instead: Hypothesis | None = None) -> None:
         """Add a hypothesis, or take it in place of another fit of the same one."""
         self.hypotheses = [h for h in self.hypotheses if h is not instead]
         self.hypotheses.append(hypothesis)
-        self.residual_tests[hypothesis.name] = remainder
+        self.residual_tests[hypothesis.name] = test
         # (D1) with the excess over noise in place of χ²
-        self.scores[hypothesis.name] = hypothesis.evidence + 0.5 * (hypothesis.chi2 - remainder.excess)
-        values = hypothesis.name, hypothesis.chi2_per_sample, remainder.p_value
+        self.scores[hypothesis.name] = hypothesis.evidence + 0.5 * (hypothesis.chi2 - test.excess)
+        values = hypothesis.name, hypothesis.chi2_per_sample, test.p_value
         _log.info("  %s: χ²/N %.3f, noise alone p = %.3f", *values)

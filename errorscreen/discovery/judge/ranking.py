@@ -17,21 +17,21 @@ from errorscreen.events import Playback
 
 #: prior probability that something is missing at all
 _MISSING = 0.5
-#: logarithm of the evidence by which an effect must beat parameters that leave nothing beyond noise: errors of size of
-#: the noise that no one has modelled would otherwise be named
+#: logarithm of the evidence by which an effect must beat parameters that leave only noise: otherwise unmodelled errors
+#: of the size of the noise would be named
 _MARGIN = 13.0
-#: what an effect leaves must look like noise with a probability so many times that of what sufficient parameters leave
+#: where parameters suffice, an effect is considered only if its p-value is so many times theirs
 _CLEARLY = 10.0
-#: an effect in another form than the library's leaves at most about this share of what parameters leave (in amplitude
-#: 22 %); what no library holds leaves twice as much and more beside the nearest effect
+#: an effect whose form differs from the library's leaves at most this share of the excess of the parameters (22 % in
+#: amplitude); beside effects that no library holds, the nearest one leaves twice as much and more
 _FORM = 0.05
-#: two effects together have so much freedom that they also make up for a form that is wrong: they must leave less
+#: two effects together can also imitate a wrong form, so they must leave less
 _FORM_OF_TWO = 0.003
-#: a second effect that explains less than this is the form of the first one, a limit that is harder or softer
+#: a second effect that explains less than this only corrects the form of the first, such as a harder limit
 _TRACE = 0.001
-#: two effects of which one explains nearly all must leave at most this part of what that one alone leaves
+#: beside an effect that explains nearly everything, a second one must leave at most this share of its excess
 _LEFT_BY_TWO = 0.5
-#: hypotheses whose χ² differ by less than this predict the same
+#: hypotheses whose χ² differ by less than this are the same prediction
 _SAME = 1.0
 #: half width of intervals for 90 % in standard deviations
 _WIDTH = 1.645
@@ -159,7 +159,7 @@ def _exact(found: CandidateSet) -> list[Cause]:
         return []
     tried = max(1, len(found.signatures))
     suffice = base in adequate
-    if suffice:  # an effect is not needed, unless what it leaves looks clearly more like noise
+    if suffice:  # an effect is not needed, unless its residuals look clearly more like noise
         p = _CLEARLY * found.residual_tests[base.name].p_value
         adequate = [h for h in adequate if not h.effects or found.residual_tests[h.name].p_value >= p]
     logs = []
@@ -217,7 +217,7 @@ def _of_a_kind(found: CandidateSet) -> list[Cause]:
 
 
 def _explained(found: CandidateSet, hypothesis: Hypothesis) -> float:
-    """Share of what parameters leave beyond noise that a hypothesis explains."""
+    """Share of the excess of the parameters that a hypothesis explains."""
     whole = found.residual_tests[found.base.name].excess
     left = found.residual_tests[hypothesis.name].excess
     return float(np.clip(1.0 - left / whole, 0.0, 1.0)) if whole > 0 else 0.0

@@ -1,4 +1,4 @@
-r"""Is what a fit leaves noise? A test of the residuals in cells of channel, stage and frequency band.
+r"""Are the residuals of a fit noise? A test of the residuals in cells of channel, stage and frequency band.
 
 The null distribution comes from a parametric bootstrap in the tangent space: noise w with the correlation in time of
 the quiet part and an uncertain scale, without what the linear model would have fitted,

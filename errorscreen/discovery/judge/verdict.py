@@ -53,7 +53,7 @@ def judge(
     before : sequence of array-like of shape (R, L)
         Responses of the uncalibrated simulator.
     calibrator : MAPCalibrator
-        Fitted on `observations` with all parameters free, because only then a remainder says something about the
+        Fitted on `observations` with all parameters free, because only then residuals say something about the
         model's structure.
     held_out : sequence of Observation
         What was not fitted. Parameters count as the explanation only if they also reproduce these, and so does the
@@ -90,8 +90,8 @@ def judge(
         moves = "Something else than noise moves before the event: use a window without it, or give"
         return Verdict(
             "unknown",
-            "What is left is far below what was taken for noise, so errors of that size cannot be seen and nothing "
-            f"can be concluded. {figures} {moves if estimated else 'Give'} the noise of the channels.",
+            "The fitted errors are far below the assumed noise, so nobody can conclude anything from them. "
+            f"{figures} {moves if estimated else 'Give'} the noise of the channels.",
         )
     if before_passes:
         return _agreed(figures, calibrator.simulator, held_out)
@@ -100,7 +100,7 @@ def judge(
     if not calibrator.converged_:
         return Verdict(
             "unknown",
-            f"The search did not converge, so it cannot be told whether parameters explain the error. {figures} "
+            f"The fit did not converge, so nobody can tell whether parameters explain the error. {figures} "
             "Allow more iterations or starts, or narrow the bounds.",
         )
     bounds = [name for name, at in zip(calibrator.names_, calibrator.at_bound_, strict=True) if at]
@@ -112,11 +112,11 @@ def judge(
         )
     return Verdict(
         "unknown",
-        f"The search found no values of these parameters inside their bounds that reproduce the recording. {figures} "
-        f"Calibration removes {100 * (1.0 - fitted / nominal):.0f} % of the weighted squared error; the rest is not "
-        f"parameters of this model as far as a search from {len(calibrator.starts_)} starts can tell, and its cause is "
-        "not named here. Calibrated values then also make up for what the model lacks and must not be taken for "
-        f"measured ones; the rankings assume that parameters carry the error.{pressed}",
+        f"No values of these parameters inside their bounds reproduce the recording. {figures} Calibration removes "
+        f"{100 * (1.0 - fitted / nominal):.0f} % of the weighted squared error. A fit from {len(calibrator.starts_)} "
+        "starts finds no parameters for the rest, and its cause is not named here. So calibrated values also "
+        "compensate for the missing cause: do not take them for measured ones. Rankings assume that parameters carry "
+        f"the error.{pressed}",
     )
 
 
@@ -171,7 +171,7 @@ def held_out_limit(calibrator: Any, observation: Observation) -> tuple[float, fl
 
 
 def _agreed(figures: str, simulator: Simulator, held_out: Sequence[Observation]) -> Verdict:
-    """Verdict where the model as it is agrees with what was fitted."""
+    """Verdict where the model as it is agrees with the fitted recordings."""
 
     def limit(observation: Observation) -> tuple[float, float]:
         observation = simulator.fit_initial_state(observation)
@@ -183,10 +183,10 @@ def _agreed(figures: str, simulator: Simulator, held_out: Sequence[Observation])
     if failed:
         return Verdict(
             "unknown",
-            "The simulation agrees with what was fitted within its noise, but not with what was held out: "
-            f"{', '.join(failed)}. {figures} What is wrong does not show in what was fitted: fit those recordings.",
+            "The simulation agrees with the fitted recordings within their noise, but not with held-out ones: "
+            f"{', '.join(failed)}. {figures} The error shows only there: fit those recordings.",
         )
-    more = f" So it does with {_counted(held_out)} held out." if held_out else ""
+    more = f" It also agrees with {_counted(held_out)}." if held_out else ""
     return Verdict(
         "within-noise", f"The simulation agrees with the recording within its noise.{more} {figures}"
     )
@@ -210,11 +210,11 @@ def _explained(figures: str, calibrator: Any, held_out: Sequence[Observation]) -
     if failed:
         return Verdict(
             "unknown",
-            "Values of the parameters reproduce what was fitted but not what was held out: "
-            f"{', '.join(failed)}. {figures} So they make up for something else, and its cause is not named here.",
+            "Values of the parameters reproduce the fitted recordings, but not held-out ones: "
+            f"{', '.join(failed)}. {figures} So they compensate for another cause, which is not named here.",
         )
     judged = (
-        f"They also reproduce {_counted(held_out)} not fitted."
+        f"They also reproduce {_counted(held_out)}."
         if held_out
         else "No recording was held out, so this is not confirmed on another event."
     )
@@ -238,8 +238,8 @@ def _explained(figures: str, calibrator: Any, held_out: Sequence[Observation]) -
 
 
 def _counted(recordings: Sequence[Observation]) -> str:
-    """How many recordings, in words that a participle can follow."""
-    return "one recording that was" if len(recordings) == 1 else f"{len(recordings)} recordings that were"
+    """Number of held-out recordings in words."""
+    return "one held-out recording" if len(recordings) == 1 else f"{len(recordings)} held-out recordings"
 
 
 def _moved(calibrator: Any) -> list[str]:

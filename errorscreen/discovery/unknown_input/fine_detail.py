@@ -1,6 +1,6 @@
 r"""Evidence of an unknown signal with fine detail between its knots.
 
-A power step has edges that no signal between knots follows; what it leaves favours a wrong location whose inertia
+A power step has edges that no signal between knots follows; the rest favours a wrong location whose inertia
 smooths the edges. So signals are compared with fine detail, to which responses are linear,
 
 .. math::

@@ -146,7 +146,7 @@ def test_parameters_that_fail_on_another_event_are_no_explanation():
     assert alone.kind == "parameters"
     assert "No recording was held out" in alone.text
     assert both.kind == "unknown"
-    assert "not what was held out: dip of 0.55" in both.text
+    assert "not held-out ones: dip of 0.55" in both.text
 
 
 def hidden_lag(depth):
@@ -174,7 +174,7 @@ def test_right_parameters_hold_on_held_out_events():
             assert 0.7 < value < limit < 2.5
         verdict = verdict_on(recording, held_out)
         assert verdict.kind == "parameters"
-        assert "They also reproduce 2 recordings that were not fitted" in verdict.text
+        assert "They also reproduce 2 held-out recordings" in verdict.text
 
 
 def started(name, seed, position, noise=0.01):
@@ -211,7 +211,7 @@ def test_without_a_quiet_part_a_slightly_wrong_model_is_found_out():
     held_out = replace(held_out, values=held_out.values + wrong)
     verdict = judge([observation], [model.baseline()], calibrated(model, observation), [held_out])
     assert verdict.kind == "unknown"
-    assert "not with what was held out: other" in verdict.text
+    assert "not with held-out ones: other" in verdict.text
 
 
 def test_stated_noise_that_is_far_too_large_hides_everything():
