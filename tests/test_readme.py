@@ -29,7 +29,6 @@ def folder(tmp_path, monkeypatch):
 
 
 def test_the_python_example_runs(folder, capsys):
-    pytest.importorskip("errorscreen.api")
     (folder / "example.py").write_text(block("python"), encoding="utf-8")
     runpy.run_path(str(folder / "example.py"))
     printed = capsys.readouterr().out
