@@ -25,11 +25,11 @@ def found_in_a_fall(ball):
 @needs_balls
 @pytest.mark.parametrize("ball", ["Whiffle Ball 1", "Tennis Ball", "Volleyball"])
 def test_drag_is_named_and_predicts_the_other_drop(ball):
-    finder, gain = found_in_a_fall(ball)
+    finder, confirmed = found_in_a_fall(ball)
     assert finder.verdict_.kind == "effect"
     assert finder.causes_[0].name in ("velocity.viscous(velocity)", "velocity.drag(velocity)")
-    assert gain.holds
-    assert gain.extended < 0.3 * gain.recalibrated
+    assert confirmed.gain.holds
+    assert confirmed.gain.extended < 0.3 * confirmed.gain.recalibrated
 
 
 @pytest.mark.slow

@@ -76,8 +76,10 @@ def test_the_grid_of_a_recorded_event_is_reduced_once(monkeypatch):
 
 def test_parameter_vectors_start_once_for_several_recordings_and_from_where_each_began(monkeypatch):
     began = []
-    plain = power_system.starting
-    monkeypatch.setattr(power_system, "starting", lambda *args: (began.append(args[-1]), plain(*args))[1])
+    plain = power_system.assembly.starting
+    monkeypatch.setattr(
+        power_system.assembly, "starting", lambda *args: (began.append(args[-1]), plain(*args))[1]
+    )
     other = BusFault(TIME, "other", 0.5, bus=5, duration=0.1)
     heavy, late = replace(other, level=1.1, name="heavy"), replace(other, start=0.7, name="late")
     simulator = system(further=(other, heavy, late)).extend("synchronous_machine.oscillation@other")
