@@ -53,7 +53,7 @@ def _parts(function: Any) -> Iterator[str]:
         yield _described((function.args, sorted(function.keywords.items())))
         yield from _parts(function.func)
         return
-    if code is None:  # a callable object: its state as in a pickle, without temporary files and the like
+    if code is None:  # a callable object: the state that a copy would have, without temporary files
         state = vars(function) if isinstance(function, type) else function.__getstate__() or {}
         yield type(function).__qualname__
         held = state if isinstance(state, dict) else {"state": state}

@@ -24,7 +24,7 @@ from errorscreen._runtime.typed import from_json, to_json
 from errorscreen.calibration import CALIBRATORS, MAPCalibrator
 from errorscreen.calibration.result import Calibration
 from errorscreen.data.observations import Observation
-from errorscreen.discovery import CauseFinder, Contribution, Diagnosis, FirstLook
+from errorscreen.discovery import Contribution, Diagnosis, FirstLook, diagnose
 from errorscreen.discovery.diagnosis import NOMINAL, simulated
 from errorscreen.discovery.fits.hypotheses import PRIOR
 from errorscreen.discovery.search_step import search_simulator
@@ -239,28 +239,24 @@ def _diagnosed(study: Study, store: Store) -> Diagnosis:
     section, base = study.discovery, study.calibration
     # other held-out recordings leave the search valid
     search = store.under(study.fingerprint("diagnosis", study.together)).folder / "search"
-    simulator = study.simulator
-    if section.enabled:  # a search refines the step where it matters, a fit alone does not
-        simulator = search_simulator(simulator, section.step, study.observations)
-    finder = CauseFinder(
-        simulator,
-        section.effects,
-        max_effects=section.max_effects if section.enabled else 0,
-        n_fits=section.fits,
-        n_draws=section.draws,
-        significance=section.significance,
-        n_starts=base.starts,
-        library_size=base.library,
-        level=base.level,
-        events=[o.event for o in study.held_out],
-        random_state=study.run.random_state,
-        checkpoint=search,
-    )
 
     def compute() -> tuple[dict[str, Any], dict[str, Any]]:
-        found = finder.fit(list(study.searched)).diagnosis_
-        if study.held_out:
-            found = finder.confirm(study.held_out)
+        found = diagnose(
+            study.simulator,
+            list(study.searched),
+            study.held_out,
+            step=section.step,
+            effects=section.effects,
+            max_effects=section.max_effects if section.enabled else 0,
+            n_fits=section.fits,
+            n_draws=section.draws,
+            significance=section.significance,
+            n_starts=base.starts,
+            library_size=base.library,
+            level=base.level,
+            random_state=study.run.random_state,
+            checkpoint=search,
+        )
         arrays = {f"{label}-{n}": y for label, every in found.responses.items() for n, y in enumerate(every)}
         return arrays, json.loads(to_json(found))
 
