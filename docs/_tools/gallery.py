@@ -35,7 +35,7 @@ def guard(gallery_conf, name, when):
 
 
 def check_output(app, error):
-    """Refuse a gallery in which an example does not say what it is meant to show."""
+    """Refuse a gallery with an example that lacks its expected output."""
     for name, text in SAYS.items():
         page = Path(app.srcdir) / "gallery" / f"{name}.rst"
         if error is None and text not in page.read_text(encoding="utf-8"):
