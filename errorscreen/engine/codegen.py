@@ -144,7 +144,8 @@ def source(model: Model, lanes: int) -> str:
         f"from {f.__module__} import {f.__qualname__} as s{i}" for i, f in enumerate(functions)
     )
     compiled = "\n".join(
-        f'f{i} = numba.njit(error_model="numpy", forceinline=True, {_INNER})(s{i})' for i in range(len(functions))
+        f'f{i} = numba.njit(error_model="numpy", forceinline=True, {_INNER})(s{i})'
+        for i in range(len(functions))
     )
     loops: dict[bool, list[str]] = {False: [], True: []}
     for call in model.calls:
