@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from errorscreen.engine.stages import Equations
+from errorscreen.engine.stages import Call, Equations
 from errorscreen.exceptions import InputError, unknown_name
 from errorscreen.parameters import Parameter, ParameterSpace
 
@@ -80,8 +80,9 @@ class Device:
     states : tuple of str
     setpoints : tuple of str
         References that `initialise` computes, so that the device rests at the operating point.
-    stages : tuple of callable
-        Functions of equations (`errorscreen.engine.stage`) in the order of evaluation.
+    stages : tuple of callable or Call
+        Functions of equations (`errorscreen.engine.stage`) in the order of evaluation; a `Call` binds its quantities to
+        other names.
     initialise : callable
         ``initialise(values) -> (states, setpoints, feasible)``: equilibrium from a mapping that holds parameters,
         constants and the operating point ``V, P, Q, angle``, each of shape (n,).
@@ -93,6 +94,8 @@ class Device:
         Where the equations come from.
     grid : GridInterface, optional
         How the device is connected to a simulated grid; without it, it can only be played back.
+    tags : tuple of str
+        What effects may ask for beside the name, for example ``"without exciter"``.
     """
 
     name: str
@@ -101,12 +104,13 @@ class Device:
     constants: tuple[Constant, ...]
     states: tuple[str, ...]
     setpoints: tuple[str, ...]
-    stages: tuple[Equations, ...]
+    stages: tuple[Equations | Call, ...]
     initialise: Callable[[Values], tuple[Values, Values, NDArray[np.bool_]]]
     ports: Mapping[str, str]
     needs_angle: bool
     source: str
     grid: GridInterface | None = None
+    tags: tuple[str, ...] = ()
 
     inputs = ("Vr", "Vi")
     outputs = ("P", "Q")

@@ -35,7 +35,8 @@ def assemble(device: Device, effects: Iterable[Effect], behind_impedance: bool =
     `errorscreen.power.elimination` for one unit. `InputError` for a port or quantity that the device does not have.
     """
     effects = check_ports(device, effects)
-    inputs, own, states = device.inputs, device.stages, device.states
+    inputs, states = device.inputs, device.states
+    own = tuple(_call(function) for function in device.stages)
     constants = (
         *device.candidates.names,
         *device.constant_values(in_grid=behind_impedance),
@@ -43,16 +44,14 @@ def assemble(device: Device, effects: Iterable[Effect], behind_impedance: bool =
     )
     calls: list[Call] = []
     if behind_impedance:
-        inputs, own = ("Er", "Ei"), (*device.interface.terminal, *own[1:])
+        inputs, own = ("Er", "Ei"), (*map(_call, device.interface.terminal), *own[1:])
         states = (*states, *(name for name, _ in device.interface.states))
         constants = (*constants, *_IMPEDANCE, "size")
         calls += [_call(function) for function in device.interface.source]
         calls += _behind_impedance(device)
-    for function in own:
-        calls.append(_call(function))
-        calls.extend(
-            effect_call(effect) for name in writes_of(function) for effect in effects if effect.port == name
-        )
+    for call in own:
+        calls.append(call)
+        calls.extend(effect_call(effect) for name in call.writes for effect in effects if effect.port == name)
     for name in device.outputs:
         calls.append(Call(channel, (name,), (f"channel.{name}",), recorded=True))
     return Model(
@@ -66,8 +65,8 @@ def assemble(device: Device, effects: Iterable[Effect], behind_impedance: bool =
     )
 
 
-def _call(function: Equations) -> Call:
-    return Call(function, reads_of(function), writes_of(function))
+def _call(function: Equations | Call) -> Call:
+    return function if isinstance(function, Call) else Call(function, reads_of(function), writes_of(function))
 
 
 def _behind_impedance(device: Device) -> tuple[Call, ...]:

@@ -1,1 +1,5 @@
-"""Synchronous machines."""
+"""Machines, one file a model."""
+
+from errorscreen.models.machines.round_rotor import GENROE, GENROU
+
+MACHINES = (GENROU, GENROE)

@@ -193,6 +193,7 @@ class GridModel:
             self._stage(prefix, two_axis_fixed.rotor)
         for d in self.devices:
             for function in (*d.interface.terminal, *d.stages[1:]):
+                assert not isinstance(function, Call)  # a unit of standard models has no connection to a grid
                 self._stage(d.name, function)
 
     def _observe(self) -> None:
