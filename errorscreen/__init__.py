@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from errorscreen.discovery.diagnose import diagnose
     from errorscreen.discovery.finder import CauseFinder
     from errorscreen.exceptions import InputError
+    from errorscreen.models.dyr import read_dyr
     from errorscreen.parameters import Parameter, ParameterSpace
     from errorscreen.simulators.external.callable import CallableSimulator
     from errorscreen.simulators.grid.simulator import PowerSystemSimulator as Grid
@@ -46,6 +47,7 @@ __all__ = [
     "find_causes",
     "load_case",
     "read",
+    "read_dyr",
 ]
 #: modules of the public names, and names that are shorter here
 _MODULES = {
@@ -54,6 +56,7 @@ _MODULES = {
     "data": ("Column", "Recording"),
     "discovery": ("CauseFinder", "diagnose"),
     "exceptions": ("InputError",),
+    "models.dyr": ("read_dyr",),
     "parameters": ("Parameter", "ParameterSpace"),
     "simulators": ("CallableSimulator", "Grid", "ODESimulator", "Plant"),
 }

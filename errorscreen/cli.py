@@ -309,6 +309,11 @@ def _study(prepare: Callable[[], Any], out: Path, options: argparse.Namespace) -
         print(f"  {probable(cause.probability):>6}  {cause.title}{withdrawn}")
     for sentence in result.advice:
         print(f"Next: {sentence}")
+    if result.correction:
+        changes = [
+            f"{p.name} = {p.value:.4g} [{p.low:.3g}, {p.high:.3g}]" for p in result.correction.parameters
+        ]
+        print(f"To change in {result.correction.original}: {', '.join(changes)}")
     failed = _failed(result)
     if failed:
         print(failed)

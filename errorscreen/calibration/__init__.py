@@ -2,6 +2,7 @@
 
 from errorscreen._runtime.registry import Registry
 from errorscreen.calibration.base import BaseCalibrator
+from errorscreen.calibration.fewest import fewest_parameters
 from errorscreen.calibration.map import MAPCalibrator
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.calibration.pso import PSOCalibrator
@@ -25,4 +26,5 @@ __all__ = [
     "MAPCalibrator",
     "PSOCalibrator",
     "ParticleSwarm",
+    "fewest_parameters",
 ]

@@ -95,7 +95,7 @@ class Case(Section):
         if len(models) != 1:
             found = "[device] and [grid] are both" if models else "neither [device] nor [grid] is"
             raise InputError(f"{found} given", allowed="one of the two")
-        space = models[0].space()
+        space = models[0].space(self.folder)
         if self.screening.top_k is not None:
             check_integer(self.screening.top_k, "screening.top_k", high=len(space))
         return space

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -14,7 +15,8 @@ from errorscreen.cases.ieee39 import PLANTS, load_ieee39
 from errorscreen.cases.section import NameIn, NotNegative, Positive, Section, setting
 from errorscreen.events import BusFault, GridEvent, LineTrip, LoadStep
 from errorscreen.exceptions import InputError
-from errorscreen.models import DEVICES
+from errorscreen.models import DEVICES, Device
+from errorscreen.models.dyr import read_dyr
 from errorscreen.parameters import Parameter, ParameterSpace
 from errorscreen.simulators import PowerSystemSimulator
 
@@ -43,7 +45,7 @@ class ParameterSection(Section):
     def apply(self, default: Parameter) -> dict[str, float]:
         """Fields of a parameter that change; default bounds keep their ratio to the nominal value."""
         nominal = default.nominal if self.nominal is None else self.nominal
-        if self.relative is not None:
+        if self.relative is not None and not (nominal == 0 and default.lower <= 0 <= default.upper):
             lower, upper = nominal - self.relative * abs(nominal), nominal + self.relative * abs(nominal)
         else:
             ratio = nominal / default.nominal if default.nominal else 1.0
@@ -84,7 +86,13 @@ class CandidatesSection(Section):
 class DeviceSection(CandidatesSection):
     """A plant that is compared with the recording while the recorded voltage is imposed on its terminal."""
 
-    type: Annotated[str, NameIn(DEVICES)] = setting(..., "kind of the plant")
+    type: Annotated[str, NameIn(DEVICES)] | None = setting(None, "kind of the plant, where there is no dyr")
+    dyr: str | None = setting(None, "model file of PSS/E with the records of the unit, instead of type")
+    bus: int | str | None = setting(None, "bus of the unit in dyr; needed where the file holds several units")
+    id: str | int | None = setting(
+        None, "identifier of the unit in dyr; needed where the bus has several units"
+    )
+    leave_out: list[str] = setting([], "models of dyr that shall not count, for example of a protection")
     constants: dict[str, float] = setting({}, "values of other constants")
     grid_resistance: NotNegative = setting(
         0.0,
@@ -98,9 +106,25 @@ class DeviceSection(CandidatesSection):
         """R + jX of the grid in pu."""
         return complex(self.grid_resistance, self.grid_reactance)
 
-    def space(self) -> ParameterSpace:
+    @model_validator(mode="after")
+    def _one_model(self) -> DeviceSection:
+        if (self.type is None) == (self.dyr is None):
+            found = "neither type nor dyr is" if self.type is None else "type and dyr are both"
+            raise InputError(f"{found} given", allowed="one of the two: the kind of a plant, or a model file")
+        if self.dyr is None and not (self.bus is None and self.id is None):
+            raise InputError("bus or id is given without dyr", allowed="only with a model file")
+        return self
+
+    def model(self, folder: Path) -> Device:
+        """Device of this section, its files relative to a folder."""
+        if self.dyr is None:
+            assert self.type is not None
+            return DEVICES[self.type]
+        return read_dyr(folder / self.dyr).unit(self.bus, self.id, leave_out=self.leave_out)
+
+    def space(self, folder: Path) -> ParameterSpace:
         """Candidates of the device; `InputError` if a parameter or a constant is unknown."""
-        device = DEVICES[self.type]
+        device = self.model(folder)
         device.constant_values(self.constants, in_grid=self.grid_impedance != 0)
         return self.apply(device.candidates)
 
@@ -132,10 +156,10 @@ class GridSection(CandidatesSection):
             for name, where in self.channels.items()
         }
         return load_ieee39(
-            parameters=self.space(), channels=channels, event=event, further=further, step=step
+            parameters=self.space(Path()), channels=channels, event=event, further=further, step=step
         )
 
-    def space(self) -> ParameterSpace:
+    def space(self, folder: Path) -> ParameterSpace:
         """Candidates of the case."""
         return self.apply(ParameterSpace(p for _, device, *_ in PLANTS for p in DEVICES[device].candidates))
 

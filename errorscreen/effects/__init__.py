@@ -19,11 +19,12 @@ from errorscreen.effects.governor import GOVERNOR
 from errorscreen.effects.latent_input import latent_input
 from errorscreen.effects.load import FREQUENCY_DEPENDENCE, MOTOR_LOAD, STATIC_ACTIVE, STATIC_REACTIVE
 from errorscreen.effects.measurement import common_skew, measurement_effects
+from errorscreen.effects.parts_acting import GOVERNOR_ACTING, REGULATOR_ACTING, STABILISER_ACTING
 from errorscreen.effects.phase_locked_loop import PHASE_LOCKED_LOOP
 from errorscreen.effects.ramp_limit import RAMP_LIMIT
 from errorscreen.effects.ride_through import HIGH_VOLTAGE_TRIP, RIDE_THROUGH, RIDE_THROUGH_TRIP
 from errorscreen.effects.saturation import SATURATION
-from errorscreen.effects.stabiliser import STABILISER
+from errorscreen.effects.stabiliser import STABILISER, STABILISER_INPUT
 from errorscreen.effects.volt_var import VOLT_VAR
 from errorscreen.exceptions import InputError
 
@@ -36,12 +37,16 @@ EFFECTS: Registry[Effect] = Registry(
     {
         "exciter": EXCITER,
         "stabiliser": STABILISER,
+        "stabiliser_input": STABILISER_INPUT,
+        "stabiliser_acting": STABILISER_ACTING,
+        "regulator_acting": REGULATOR_ACTING,
         "saturation": SATURATION,
         "field_limiter": FIELD_CURRENT_LIMITER,
         "stator_limiter": STATOR_CURRENT_LIMITER,
         "under_excitation": UNDER_EXCITATION_LIMITER,
         "volts_per_hertz": VOLTS_PER_HERTZ_LIMITER,
         "governor": GOVERNOR,
+        "governor_acting": GOVERNOR_ACTING,
         "lag_active": ACTIVE_CURRENT_LAG,
         "lag_reactive_power": REACTIVE_POWER_LAG,
         "lag_reactive_current": REACTIVE_CURRENT_LAG,
@@ -56,11 +61,11 @@ EFFECTS: Registry[Effect] = Registry(
         "static_reactive": STATIC_REACTIVE,
         "frequency_dependence": FREQUENCY_DEPENDENCE,
         "motor": MOTOR_LOAD,
-        "oscillation_Pm": forced_oscillation("Pm", "synchronous_machine"),
+        "oscillation_Pm": forced_oscillation("Pm", "synchronous_machine", "machine unit"),
         "oscillation_Pwi": forced_oscillation("Pwi", "dfig_plant"),
         "oscillation_Ip_cmd": forced_oscillation("Ip_cmd", "pv_plant"),
-        "latent_Efd": latent_input("Efd", 4.0, devices=("synchronous_machine",)),
-        "latent_Pm": latent_input("Pm", 1.0, devices=("synchronous_machine",)),
+        "latent_Efd": latent_input("Efd", 4.0, devices=("synchronous_machine", "machine unit")),
+        "latent_Pm": latent_input("Pm", 1.0, devices=("synchronous_machine", "machine unit")),
         "latent_Ip_cmd": latent_input("Ip_cmd", 1.0, devices=("dfig_plant", "pv_plant")),
         "latent_Qcmd": latent_input("Qcmd", 1.0, devices=("dfig_plant",)),
         "latent_Iq_cmd": latent_input("Iq_cmd", 1.0, devices=("pv_plant",)),
@@ -71,13 +76,15 @@ EFFECTS: Registry[Effect] = Registry(
 )
 
 
-def effects_of(device: str) -> tuple[Effect, ...]:
+def effects_of(device: str, *tags: str) -> tuple[Effect, ...]:
     """Effects that are compiled into the models of a device, in the order in which they act.
 
     Parameters
     ----------
     device : str
         Name of the device.
+    *tags : str
+        What else effects may ask for, see `errorscreen.models.device.Device.tags`.
 
     Raises
     ------
@@ -90,7 +97,7 @@ def effects_of(device: str) -> tuple[Effect, ...]:
     ['static_active', 'static_reactive', 'frequency_dependence']
     """
     known = (EFFECTS.usable(name) for name in EFFECTS)
-    found = tuple(effect for effect in known if effect is not None and device in effect.devices)
+    found = tuple(effect for effect in known if effect is not None and {device, *tags} & {*effect.devices})
     for name, count in Counter(effect.name for effect in found).items():
         if count > 1:
             raise InputError(

@@ -85,7 +85,7 @@ class Effect:
         one.
     kind : {"mechanism", "measurement", "event", "latent"}
     devices : tuple of str
-        Names of the devices whose models it is compiled into.
+        Names of the devices whose models it is compiled into, or tags that a device may have.
     device : str
         Unit of a grid that it belongs to; empty in a plant, and for a measurement.
     description : str

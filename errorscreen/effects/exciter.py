@@ -43,7 +43,7 @@ EXCITER = Effect(
     name="exciter",
     title="Excitation system (SEXS)",
     port="Efd",
-    devices=("synchronous_machine",),
+    devices=("synchronous_machine", "without exciter"),
     equations=sexs,
     parameters=(
         strength("K", 100.0, 400.0, "pu", "exciter", "K", "gain; 0 leaves the field voltage constant"),

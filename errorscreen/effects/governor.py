@@ -42,7 +42,7 @@ GOVERNOR = Effect(
     name="governor",
     title="Turbine-governor (TGOV1) with dead band",
     port="Pm",
-    devices=("synchronous_machine",),
+    devices=("synchronous_machine", "without governor"),
     equations=tgov1,
     parameters=(
         strength("K", 20.0, 50.0, "pu", "governor", "K", "gain, reciprocal of the droop; 0: constant power"),

@@ -33,7 +33,7 @@ SATURATION = Effect(
     name="saturation",
     title="Magnetic saturation",
     port="Efd",
-    devices=("synchronous_machine",),
+    devices=("synchronous_machine", "without saturation"),
     equations=saturation,
     parameters=(
         strength("A", 3.0, 12.0, "1/pu", "saturation", "A", "curvature of the saturation; 0: linear"),

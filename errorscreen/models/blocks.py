@@ -46,14 +46,19 @@ def lag(x: Any, u: Any, T: Any, shortest: Any) -> Any:
 
 @register_jitable
 def limited_lag(x: Any, u: Any, T: Any, lower: Any, upper: Any, shortest: Any) -> Any:
-    """First-order lag whose state stays within limits (non-windup): output and derivative.
+    """First-order lag within limits (non-windup): output and derivative.
+
+    A state beyond a limit, because the limit moved or a step went too far, returns within ``shortest``.
 
     Examples
     --------
     >>> [float(value) for value in limited_lag(1.0, 3.0, 2.0, 0.0, 1.0, 0.001)]
     [1.0, 0.0]
+    >>> [round(float(value), 6) for value in limited_lag(1.5, 3.0, 2.0, 0.0, 1.0, 0.001)]
+    [1.0, -500.0]
     """
-    return clip(x, lower, upper), hold_at_limits(x, (u - x) / longer(T, shortest), lower, upper)
+    y = clip(x, lower, upper)
+    return y, hold_at_limits(x, (u - x) / longer(T, shortest), lower, upper) + (y - x) / shortest
 
 
 @register_jitable
@@ -153,3 +158,52 @@ def quadratic_constants(u1: Any, S1: Any, u2: Any, S2: Any) -> Any:
     found = slope > 0
     A = np.where(found, u1 - root1 / np.where(found, slope, 1.0), 1e9)
     return A, np.where(found, slope * slope, 0.0)
+
+
+@register_jitable
+def limited_pi(x: Any, u: Any, KP: Any, KI: Any, lower: Any, upper: Any) -> Any:
+    """Proportional and integral block whose output is limited: output and derivative of the integral x.
+
+    The integral holds while the output is at a limit and the input leads beyond it (IEEE Std 421.5-2016, annex E).
+
+    Examples
+    --------
+    >>> [float(value) for value in limited_pi(0.5, 0.1, 2.0, 3.0, -1.0, 1.0)]
+    [0.7, 0.30000000000000004]
+    >>> [float(value) for value in limited_pi(0.5, 0.4, 2.0, 3.0, -1.0, 1.0)]
+    [1.0, 0.0]
+    """
+    y = x + KP * u
+    return clip(y, lower, upper), hold_at_limits(y, KI * u, lower, upper)
+
+
+@register_jitable
+def limited_lead_lag(x: Any, u: Any, T1: Any, T2: Any, lower: Any, upper: Any, shortest: Any) -> Any:
+    r"""Lead-lag, :math:`(1 + sT_1)/(1 + sT_2)`, whose output is limited (non-windup): output and derivative of x.
+
+    The state is the limited output behind :math:`T_1`, so that :math:`y = (T_1/T_2)u + (1 - T_1/T_2)x` stays at a limit
+    only as long as the input demands it (IEEE Std 421.5-2016, annex E). The lead lasts at least ``shortest``.
+
+    Examples
+    --------
+    >>> [float(value) for value in limited_lead_lag(1.0, 3.0, 0.5, 2.0, 0.0, 5.0, 0.001)]
+    [1.5, 1.0]
+    >>> [float(value) for value in limited_lead_lag(1.0, 3.0, 0.5, 2.0, 0.0, 1.25, 0.001)]
+    [1.25, 0.5]
+    """
+    lead = longer(T1, shortest)
+    share = lead / longer(T2, shortest)
+    y = clip(select(shortest > T2, u, share * u + (1.0 - share) * x), lower, upper)
+    return y, (y - x) / lead
+
+
+@register_jitable
+def high_frequency_gain(T1: Any, T2: Any, shortest: Any) -> Any:
+    """Gain of a lead-lag for fast changes, T1/T2; 1 where it passes its input.
+
+    Examples
+    --------
+    >>> float(high_frequency_gain(1.0, 4.0, 0.001)), float(high_frequency_gain(0.0, 0.0, 0.001))
+    (0.25, 1.0)
+    """
+    return select(shortest > T2, 1.0, T1 / longer(T2, shortest))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -50,13 +50,17 @@ class GridInterface:
         Additional states, each with the quantity of the operating point that it starts at.
     constants : tuple of Constant
         Additional constants.
+    names : mapping of str to str
+        Names in the device of the quantities that `kind` lists, where they differ. Such a device can be driven behind
+        an impedance, but not be part of a simulated grid.
     """
 
     kind: Literal["rotor", "norton", "current"]
-    source: tuple[Equations, ...]
-    terminal: tuple[Equations, ...]
+    source: tuple[Equations | Call, ...]
+    terminal: tuple[Equations | Call, ...]
     states: tuple[tuple[str, str], ...] = ()
     constants: tuple[Constant, ...] = ()
+    names: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

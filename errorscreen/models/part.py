@@ -6,10 +6,11 @@ other but the quantities that pass between them. `errorscreen.models.unit` joins
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -51,6 +52,8 @@ class Field:
         A usual value.
     lower, upper : float, optional
         Usual range in which it may move in a fit; a constant without one is not a candidate.
+    absent_at_zero : bool
+        A value of zero means that the model lacks this, so that it is no candidate: an effect may add it.
     allowed : str
         ``""``, ``"> 0"``, ``">= 0"``, ``"<= 0"``, ``"a .. b"``, or integers ``"0, 1"``.
     integer : bool
@@ -66,6 +69,7 @@ class Field:
     upper: float | None = None
     allowed: str = ""
     integer: bool = False
+    absent_at_zero: bool = False
 
     def accepts(self, value: float) -> bool:
         """Whether a value lies in the allowed range."""
@@ -84,7 +88,7 @@ class Field:
         The usual range is widened to 30 % around the value where that lies at its edge or outside. A value of zero has
         the width of the range as the size of a change that matters.
         """
-        if self.lower is None or self.upper is None:
+        if self.lower is None or self.upper is None or (self.absent_at_zero and value == 0):
             return None
         lower, upper = min(self.lower, value - 0.3 * abs(value)), max(self.upper, value + 0.3 * abs(value))
         return Parameter(
@@ -96,7 +100,8 @@ class Field:
 def record(rows: str) -> tuple[Field, ...]:
     """Fields of a record from ``name [= symbol] | unit | typical | range | allowed | description`` a line.
 
-    The order is that of the record in a DYR file. A range is ``a .. b`` or ``-``; the unit of a flag is ``code``.
+    The order is that of the record in a DYR file. A range is ``a .. b``, ``a .. b unless 0`` or ``-``; the unit of a
+    flag is ``code``.
 
     Examples
     --------
@@ -108,12 +113,16 @@ def record(rows: str) -> tuple[Field, ...]:
     for row in rows.strip().splitlines():
         name, unit, typical, span, allowed, description = (cell.strip() for cell in row.split("|"))
         name, _, symbol = (text.strip() for text in name.partition("="))
+        span, unless, _ = span.partition(" unless 0")
         lower, upper = (float(end) for end in span.split("..")) if ".." in span else (None, None)
-        allowed = "" if allowed in ("any", "-") else allowed
-        integer = unit in ("code", "bus", "id")
         fields.append(
-            Field(name, symbol or name, unit, description, float(typical), lower, upper, allowed, integer)
-        )
+            Field(
+                name, symbol or name, unit, description, float(typical), lower, upper,
+                allowed="" if allowed in ("any", "-") else allowed,
+                integer=unit in ("code", "bus", "id"),
+                absent_at_zero=bool(unless),
+            )
+        )  # fmt: skip
     return tuple(fields)
 
 
@@ -182,7 +191,7 @@ class Part:
         Of a machine or converter: stages behind all other parts.
     rules : tuple of str
         What a record must hold: ``"VRMIN < VRMAX"`` (a chain), or ``"TC needs TB"`` (TC may be other than zero only if
-        TB is).
+        TB is). A term may be a product, ``"M * N <= 8"``, and a need may have alternatives, ``"A5 needs A1 or A3"``.
     formula : str
         Equations in one line, for tables.
     source : str
@@ -251,19 +260,27 @@ class Part:
 
     def check(self, values: Mapping[str, float], where: str) -> None:
         """Refuse values outside their allowed range, or that break a rule, with `InputError`."""
+        for error in self.wrong(values, lambda name: where):
+            raise error
+
+    def wrong(self, values: Mapping[str, float], where: Callable[[str], str]) -> Iterator[InputError]:
+        """Values outside their allowed range, then broken rules.
+
+        ``where(name)`` tells the place of a constant, ``where("")`` that of the record.
+        """
         for one in self.fields:
             value = values[one.name]
             if not np.isfinite(value) or not one.accepts(value):
-                raise InputError(
+                yield InputError(
                     f"{one.symbol} is {value:g}",
-                    where=where,
+                    where=where(one.name),
                     allowed=f"{one.allowed or 'a finite number'} ({one.description})",
                 )
         for rule in self.broken(values):
             names = [one for one in self.fields if re.search(rf"\b{one.name}\b", rule)]
-            raise InputError(
+            yield InputError(
                 " and ".join(f"{one.symbol} is {values[one.name]:g}" for one in names),
-                where=where,
+                where=where(""),
                 allowed=in_words(rule, {one.name: one.symbol for one in names}),
                 remedy="; ".join(f"{one.symbol}: {one.description}" for one in names),
             )
@@ -284,12 +301,14 @@ def in_words(rule: str, symbols: Mapping[str, str]) -> str:
 
 
 def _broken(rule: str, values: Mapping[str, NDArray[np.float64] | float]) -> NDArray[np.bool_]:
-    def value(name: str) -> NDArray[np.float64]:
-        return np.asarray(values[name] if name in values else float(name))
+    def value(term: str) -> NDArray[np.float64]:
+        factors = (values[name] if name in values else float(name) for name in term.split(" * "))
+        return np.asarray(math.prod(factors))
 
     one, needs, other = rule.partition(" needs ")
     if needs:
-        return (value(one) != 0) & (value(other) == 0)
+        lacking = [value(term) == 0 for term in other.split(" or ")]
+        return (value(one) != 0) & reduce(np.logical_and, lacking)
     names, wrong = re.split(r"\s+(<=?)\s+", rule), np.zeros((), dtype=bool)
     for left, sign, right in zip(names[::2], names[1::2], names[2::2], strict=False):
         a, b = value(left), value(right)

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen.engine.stages import stage, writes_of
 from errorscreen.exceptions import InputError
-from errorscreen.models.device import Constant, Device
-from errorscreen.models.part import SLOTS, Limit, Part, Values
+from errorscreen.models.device import Constant, Device, GridInterface
+from errorscreen.models.part import SLOTS, Limit, Part, Start, Values
 from errorscreen.parameters import ParameterSpace
 
 #: shortest time constant in steps of the integration; Runge-Kutta of order four advances it with an error of 1e-2
@@ -46,6 +46,29 @@ def constant_power(Pm0: Any) -> Any:
     return (Pm0,)
 
 
+@stage("Pref", "Qext")
+def constant_references(Pref0: Any, Qext0: Any) -> Any:
+    """References of a converter unit without control of the plant."""
+    return Pref0, Qext0
+
+
+@stage("wg")
+def constant_speed(V: Any) -> Any:
+    """Speed of a converter unit without drive train."""
+    return (0.0 * V + 1.0,)
+
+
+@stage("Ipcmd", "Iqcmd")
+def constant_currents(Ip0: Any, Iq0: Any) -> Any:
+    """Commands of a converter unit without electrical control."""
+    return Ip0, Iq0
+
+
+def powers(v: Values) -> Start:
+    """References of a converter unit without electrical control: the powers of the start."""
+    return Start({}, {"Pref0": v["P"], "Qext0": v["Q"]})
+
+
 def _null(name: str, slot: str, title: str, function: Any) -> Part:
     return Part(name, slot, title, (), (function,), writes_of(function))
 
@@ -58,14 +81,27 @@ NULL_PARTS = {
         _null("no stabiliser", "stabiliser", "no stabiliser", no_stabiliser),
         _null("constant field", "exciter", "constant field voltage", constant_field),
         _null("constant power", "governor", "constant mechanical power", constant_power),
+        _null("constant references", "plant_control", "constant references", constant_references),
+        _null("constant speed", "drive_train", "constant speed", constant_speed),
+        Part(
+            "constant currents", "electrical_control", "constant currents", (), (constant_currents,),
+            ports=("Ipcmd", "Iqcmd", "Pref0", "Qext0"), setpoints=("Pref0", "Qext0"), start=powers,
+        ),
     )
-}
+}  # fmt: skip
 #: ports of a synchronous unit at which effects may act
 MACHINE_PORTS = {
     "Efd": "field voltage in pu",
     "Pm": "mechanical power in pu",
     "Vs": "signal of the stabiliser in pu",
     "Vc": "voltage that the exciter controls, in pu",
+}
+#: those of a converter unit
+CONVERTER_PORTS = {
+    "Pref": "reference of the active power in pu",
+    "Qext": "reference of the reactive power in pu",
+    "Ipcmd": "command of the active current in pu",
+    "Iqcmd": "command of the reactive current in pu",
 }
 
 
@@ -93,7 +129,11 @@ class Record:
 
 @dataclass(frozen=True)
 class UnitStart:
-    """Equilibrium of a unit: each part from the quantities of those before it; see `Device.initialise`."""
+    """Equilibrium of a unit: each part from the quantities of those before it; see `Device.initialise`.
+
+    The references of a plant controller follow from the control behind it, so that parts of a converter unit start in
+    the opposite order, and stages that read what is not known yet are left out.
+    """
 
     parts: tuple[Part, ...]
 
@@ -129,13 +169,67 @@ class UnitStart:
             known |= states | setpoints
             for function in part.stages:
                 call = part.call(function)
-                known |= dict(zip(call.writes, function(*(known[name] for name in call.reads)), strict=True))
+                if known.keys() >= {*call.reads}:
+                    written = function(*(known[name] for name in call.reads))
+                    known |= dict(zip(call.writes, written, strict=True))
         return states, setpoints, limits, fits
 
 
 def _slack(limit: Limit) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     low, high = np.asarray(limit.lower, dtype=float), np.asarray(limit.upper, dtype=float)
     return low - SLACK * np.maximum(1.0, np.abs(low)), high + SLACK * np.maximum(1.0, np.abs(high))
+
+
+class Placed(Protocol):
+    """What fills a slot: a record, or one of a file that is not checked yet."""
+
+    @property
+    def part(self) -> Part:
+        """The standard model."""
+
+    @property
+    def where(self) -> str:
+        """Place in a file, for messages."""
+
+
+P = TypeVar("P", bound=Placed)
+
+
+def in_slots(records: Iterable[P]) -> dict[str, P]:
+    """Records by the slots that they fill; `InputError` if two fill the same one."""
+    slots: dict[str, P] = {}
+    for one in records:
+        if one.part.slot in slots:
+            other = slots[one.part.slot]
+            raise InputError(
+                f"{one.part.name} and {other.part.name} are both in the slot {one.part.slot}",
+                where=" and ".join(filter(None, (other.where, one.where))),
+                allowed=f"one {one.part.slot} of a unit",
+                remedy="Remove one of the records, or give one of them another identifier",
+            )
+        slots[one.part.slot] = one
+    return slots
+
+
+def family_of(slots: Mapping[str, Placed]) -> tuple[str, ...]:
+    """Slots of the kind of unit that records make; `InputError` if they make none."""
+    family = next((family for family in SLOTS if family[0] in slots), None)
+    if family is None:
+        named = ", ".join(one.part.name for one in slots.values()) or "nothing"
+        raise InputError(
+            f"the unit has {named}, but no machine or converter",
+            where=next((one.where for one in slots.values()), "unit"),
+            allowed="a machine such as GENROU or GENSAL, or a converter such as REGCA1",
+            remedy="Check bus number and identifier of the records",
+        )
+    for slot, one in slots.items():
+        if slot not in family:
+            raise InputError(
+                f"{one.part.name} is for another kind of unit than {slots[family[0]].part.name}",
+                where=one.where,
+                allowed=f"parts for {', '.join(family)}",
+            )
+    return family
 
 
 def unit(records: Sequence[Record], *, name: str = "") -> Device:
@@ -153,35 +247,11 @@ def unit(records: Sequence[Record], *, name: str = "") -> Device:
     InputError
         If no record is a machine or converter, or two fill the same slot.
     """
-    slots: dict[str, Record] = {}
-    for one in records:
-        if one.part.slot in slots:
-            raise InputError(
-                f"{one.part.name} and {slots[one.part.slot].part.name} are both in the slot {one.part.slot}",
-                where=one.where,
-                allowed=f"one {one.part.slot} of a unit",
-                remedy="Remove one of the records, or give one of them another identifier",
-            )
-        slots[one.part.slot] = one
-    family = next((family for family in SLOTS if family[0] in slots), None)
-    if family is None:
-        named = ", ".join(one.part.name for one in records) or "nothing"
-        raise InputError(
-            f"the unit has {named}, but no machine or converter",
-            where=records[0].where if records else "unit",
-            allowed="a machine such as GENROU or GENSAL, or a converter such as REGCA1",
-            remedy="Check bus number and identifier of the records",
-        )
-    for slot in slots:
-        if slot not in family:
-            raise InputError(
-                f"{slots[slot].part.name} is for another kind of unit than {slots[family[0]].part.name}",
-                where=slots[slot].where,
-                allowed=f"parts for {', '.join(family)}",
-            )
+    slots = in_slots(records)
+    family = family_of(slots)
     filled = {slot: slots[slot].part if slot in slots else NULL_PARTS.get(slot) for slot in family}
     parts = tuple(part for part in filled.values() if part is not None)
-    frame = parts[0]
+    frame, of_machine = parts[0], family[0] == "machine"
     candidates, fixed = [], []
     for one in (slots[slot] for slot in family if slot in slots):
         for item in one.part.fields:
@@ -193,15 +263,14 @@ def unit(records: Sequence[Record], *, name: str = "") -> Device:
                 fixed.append(Constant(f"{one.part.name}.{item.name}", value, item.unit, item.description))
     calls = [part.call(function) for part in parts for function in part.stages]
     calls += [frame.call(function) for function in frame.closing]
-    tags = [f"{family[0]} unit"]
-    tags += [f"{'with' if slot in slots else 'without'} {slot}" for slot in family[1:]]
-    device = Device(
+    return Device(
         name=name or "+".join(slots[slot].part.name for slot in family if slot in slots),
         title=", ".join(slots[slot].part.title for slot in family if slot in slots),
         candidates=ParameterSpace(candidates),
         constants=(
             *fixed,
             Constant("Ra", 0.0, "pu", "armature resistance"),
+            Constant("Xsource", 0.2, "pu", "source reactance of the network's file, for GENCLS and REGCB1"),
             Constant("f0", 60.0, "Hz", "nominal frequency"),
             Constant(
                 "shortest", 0.001, "s", "shortest time constant that the step advances; follows from the step"
@@ -210,10 +279,29 @@ def unit(records: Sequence[Record], *, name: str = "") -> Device:
         states=tuple(part.qualified(state) for part in parts for state in part.states),
         setpoints=tuple(part.qualified(one) for part in parts for one in part.setpoints),
         stages=tuple(calls),
-        initialise=UnitStart(parts),
-        ports=MACHINE_PORTS,
+        initialise=UnitStart(parts if of_machine else (frame, *parts[:0:-1])),
+        ports=MACHINE_PORTS if of_machine else CONVERTER_PORTS,
         needs_angle=True,
+        grid=_behind_impedance(frame) if of_machine and "Xpp" in frame.own else None,
         source="; ".join(slots[slot].part.source for slot in family if slot in slots),
-        tags=tuple(tags),
+        tags=tuple(_tags(family, slots)),
     )
-    return device
+
+
+def _behind_impedance(machine: Part) -> GridInterface:
+    """Connection of a machine to an impedance: its subtransient voltage drives the current through X''."""
+    Xpp = machine.qualified("Xpp")
+    names = {"Ed1": "psi2q", "Eq1": "psi2d", "Xd1": Xpp, "Xq1": Xpp}
+    return GridInterface("rotor", source=(machine.call(machine.stages[0]),), terminal=(), names=names)
+
+
+def _tags(family: tuple[str, ...], slots: Mapping[str, Record]) -> Iterator[str]:
+    """What effects may ask for: the kind of unit, filled and empty slots, and what they make possible."""
+    yield f"{family[0]} unit"
+    for slot in family[1:]:
+        yield f"{'with' if slot in slots else 'without'} {slot}"
+    if family[0] == "machine":
+        if "stabiliser" not in slots:
+            yield "exciter without stabiliser" if "exciter" in slots else "without exciter and stabiliser"
+        if slots["machine"].values.get("S10") == 0:
+            yield "without saturation"

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from errorscreen._runtime.persistence import write_bytes_atomic, write_text_atomic
 from errorscreen._runtime.typed import Real, from_json, json_schema, to_json
-from errorscreen.calibration.result import Calibration
+from errorscreen.calibration.result import Calibration, Estimate
 from errorscreen.discovery import Contribution, Diagnosis, ModelFit
 from errorscreen.exceptions import InputError
 from errorscreen.report.version1 import upgraded
@@ -165,6 +165,32 @@ class Run:
     reused: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True)
+class Correction:
+    """Numbers of the user's model file that have to change.
+
+    Parameters
+    ----------
+    path : str
+        The corrected file, in the folder of results.
+    original : str
+        The user's file.
+    parameters : tuple of Estimate
+        Changed constants with their intervals; all others keep the values of the file.
+    before, chi2_per_sample : float
+        χ²/N on the fitted recordings with the values of the file, and with these changes.
+    difference : str
+        Lines of the file that change, in the unified format.
+    """
+
+    path: str
+    original: str
+    parameters: tuple[Estimate, ...]
+    before: Real
+    chi2_per_sample: Real
+    difference: str
+
+
 @dataclass(frozen=True, repr=False)
 class Result:
     """Result of a study.
@@ -187,6 +213,8 @@ class Result:
     advice : tuple of str
         What to check and to record next.
     run : Run
+    correction : Correction or None
+        Of the user's model file; None without one, and where the verdict is another than wrong parameters.
     schema_version : int
     """
 
@@ -201,6 +229,7 @@ class Result:
     hints: tuple[str, ...]
     advice: tuple[str, ...]
     run: Run
+    correction: Correction | None = None
     schema_version: Literal[2] = SCHEMA_VERSION
 
     @property

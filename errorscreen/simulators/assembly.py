@@ -79,7 +79,14 @@ def _behind_impedance(device: Device) -> tuple[Call, ...]:
         ),
         "rotor": Call(
             elimination.machine_current,
-            (*source, *_IMPEDANCE, *reads_of(elimination.machine_current)[4:]),
+            (
+                *source,
+                *_IMPEDANCE,
+                *(
+                    device.interface.names.get(name, name)
+                    for name in reads_of(elimination.machine_current)[4:]
+                ),
+            ),
             writes_of(elimination.machine_current),
         ),
     }[device.interface.kind]

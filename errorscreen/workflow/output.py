@@ -5,17 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 
 from errorscreen.report import write_report, write_result
+from errorscreen.workflow.correction import write_corrected
 from errorscreen.workflow.figures import figures
 from errorscreen.workflow.outcome import Outcome
 
 
-def write_outputs(outcome: Outcome, out: str | Path) -> tuple[Path, Path]:
-    """Write ``result.json`` and ``report.html`` into a folder, each complete or not at all.
+def write_outputs(outcome: Outcome, out: str | Path) -> tuple[Path, ...]:
+    """Write ``result.json``, ``report.html`` and a corrected model file into a folder, each complete or not at all.
 
     Returns
     -------
     tuple of Path
-        The two files.
+        The files, the corrected model file last, where there is one.
 
     Raises
     ------
@@ -23,7 +24,11 @@ def write_outputs(outcome: Outcome, out: str | Path) -> tuple[Path, Path]:
         If the folder cannot be written to.
     """
     out = Path(out)
-    return (
+    written = (
         write_result(outcome.result, out / "result.json"),
         write_report(outcome.result, figures(outcome), out / "report.html"),
     )
+    correction = outcome.result.correction
+    if correction is None:
+        return written
+    return (*written, write_corrected(outcome.study, correction, out))

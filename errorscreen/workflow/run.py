@@ -31,9 +31,10 @@ from errorscreen.discovery.search_step import search_simulator
 from errorscreen.events import Playback
 from errorscreen.exceptions import InputError, SimulationError
 from errorscreen.learning.regressors import import_network, require_network
-from errorscreen.report.result import Screening
+from errorscreen.report.result import Correction, Screening
 from errorscreen.screening import SCREENERS
 from errorscreen.simulators.base import REMEDIES, Simulator, Status
+from errorscreen.workflow.correction import correction_of
 from errorscreen.workflow.outcome import Outcome, result_of, run_info
 from errorscreen.workflow.screen import screen
 from errorscreen.workflow.study import Study
@@ -75,6 +76,7 @@ def run_study(study: Study, out: str | Path, *, progress: bool = False) -> Outco
             looked = _first_look(study, store)
             diagnosis = _diagnosed(study, store)
         selected = select()
+    corrected = _corrected(study, store, diagnosis)
     order: list[str] = list(study.calibration.methods)
     all_of_them = [_calibrated_all(study, store, diagnosis)] if "map" in order else []
     calibrations = [*selected.calibrated, *all_of_them]
@@ -95,6 +97,7 @@ def run_study(study: Study, out: str | Path, *, progress: bool = False) -> Outco
     result = result_of(
         study, diagnosis, selected.screened, calibrations, responses, looked.contributions, run
     )
+    result = replace(result, correction=corrected)
     return Outcome(study, result, responses)
 
 
@@ -231,6 +234,23 @@ def _calibrated_all(study: Study, store: Store, diagnosis: Diagnosis) -> Calibra
     fit = partial(_led_on, study, diagnosis.calibration)
     key = study.fingerprint("diagnosis", study.together, section.prior_scale)
     return _kept(store.under(key), "calibration-map", Calibration, fit)
+
+
+def _corrected(study: Study, store: Store, diagnosis: Diagnosis) -> Correction | None:
+    """Correction of the user's model file, or take over an earlier one."""
+    if study.model_file is None:
+        return None
+    _log.info("correction of %s: fewest numbers that have to change", study.model_file.file.path.name)
+    stages = store.under(
+        study.fingerprint("diagnosis", study.together, study.held_out, study.model_file.file.text)
+    )
+
+    def compute() -> list[Correction]:
+        found = correction_of(study, diagnosis)
+        return [] if found is None else [found]
+
+    _, values = stages.get("correction", lambda: ({}, json.loads(to_json(compute()))))
+    return next(iter(from_json(list[Correction], json.dumps(values))), None)
 
 
 def _diagnosed(study: Study, store: Store) -> Diagnosis:

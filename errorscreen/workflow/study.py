@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from errorscreen._runtime.registry import other_packages
 from errorscreen._runtime.store import digest, program
@@ -15,12 +15,21 @@ from errorscreen.data.recordings import Recording
 from errorscreen.data.resampling import check_steps
 from errorscreen.discovery.search_step import search_simulator
 from errorscreen.exceptions import InputError
+from errorscreen.models.dyr import DyrFile, read_dyr
 from errorscreen.report.result import Role
 from errorscreen.simulators import PlantSimulator
 from errorscreen.simulators.base import Simulator
 from errorscreen.workflow.grid_recordings import observed_grid
 
 Stage = Literal["screening", "calibration", "diagnosis"]
+
+
+class ModelFile(NamedTuple):
+    """A unit in a model file of the user's."""
+
+    file: DyrFile
+    bus: int | str | None
+    id: int | str | None
 
 
 @dataclass(frozen=True)
@@ -45,6 +54,8 @@ class Study:
         Files of the recordings in the order of `observations`; empty where there are none.
     together : tuple of Observation
         Recordings that are fitted together with `observation`; screening and the swarm do not use them.
+    model_file : ModelFile, optional
+        Where the model comes from a file.
     """
 
     title: str
@@ -60,6 +71,7 @@ class Study:
     truth: Mapping[str, float] | None = None
     paths: tuple[str, ...] = ()
     together: tuple[Observation, ...] = ()
+    model_file: ModelFile | None = None
 
     @property
     def searched(self) -> tuple[Observation, ...]:
@@ -109,7 +121,7 @@ class Study:
         else:
             assert case.device is not None  # `load_case` sees to that
             simulator = PlantSimulator(
-                case.device.type,
+                case.device.model(case.folder),
                 recording,
                 parameters=case.parameters(),
                 constants=case.device.constants,
@@ -122,6 +134,9 @@ class Study:
         study = cls.of(case.title, simulator, recording, further[n:], case, together=further[:n])
         if isinstance(first, Observation):  # of a grid, beside what happened in it
             study = replace(study, observation=first)
+        if case.device is not None and case.device.dyr is not None:
+            file = read_dyr(case.folder / case.device.dyr)
+            study = replace(study, model_file=ModelFile(file, case.device.bus, case.device.id))
         return replace(study, paths=tuple(section.path for section in case.recordings.values()))
 
     @classmethod

@@ -13,6 +13,8 @@ r"""Round-rotor machines GENROU and GENROE: a field and a damper winding in the 
 
 with :math:`S(|\psi''|)` quadratic in GENROU, :math:`S(u) = B([u - A]^+)^2/u`, and a power in GENROE,
 :math:`S(u) = S_{1.0}\,u^{\ln(S_{1.2}/S_{1.0})/\ln 1.2}`, both through S(1.0) and S(1.2).
+S(1.0) = 0 means no saturation, whatever S(1.2) is: so PSS/E runs a record with 0 and 1
+(`errorscreen.bench.reference_models`).
 
 (PSS/E model library, GENROU and GENROE; Milano, *Power System Modelling and Scripting*, 2010, section 15.1.)
 """
@@ -43,8 +45,8 @@ FIELDS = record(
     Xpq = X'q     | pu | 0.5  | 0.25 .. 1.0  | > 0  | q-axis transient reactance
     Xpp = X''d    | pu | 0.22 | 0.12 .. 0.4  | > 0  | subtransient reactance of both axes
     Xl            | pu | 0.15 | -            | >= 0 | leakage reactance
-    S10 = S(1.0)  | -  | 0.1  | 0 .. 0.3     | >= 0 | saturation at flux 1.0
-    S12 = S(1.2)  | -  | 0.4  | 0 .. 1.2     | >= 0 | saturation at flux 1.2
+    S10 = S(1.0)  | -  | 0.1  | 0.01 .. 0.3 unless 0 | >= 0 | saturation at flux 1.0
+    S12 = S(1.2)  | -  | 0.4  | 0.03 .. 1.2 unless 0 | >= 0 | saturation at flux 1.2
     """
 )
 
@@ -82,25 +84,26 @@ def field_current(
 @stage("d_Eq1", "d_psikd", "d_Ed1", "d_psikq")
 def rotor(
     Efd: Any, If: Any, e_d: Any, Ed1: Any, psikq: Any, psi2q: Any, Iq: Any, S: Any, Tpdo: Any, Tppdo: Any, Tpqo: Any,
-    Tppqo: Any, Xd: Any, Xq: Any, Xpq: Any, Xpp: Any, Xl: Any, shortest: Any,
+    Tppqo: Any, Xd: Any, Xq: Any, Xpd: Any, Xpq: Any, Xpp: Any, Xl: Any, shortest: Any,
 ) -> Any:  # fmt: skip
-    """Windings of the rotor, (R6) to (R8); subtransient ones of at least ``shortest``."""
+    """Windings of the rotor, (R6) to (R8); subtransient ones of at least ``shortest`` with a shorted stator."""
     e_q = Ed1 - psikq + (Xpq - Xl) * Iq
     k = (Xpq - Xpp) / ((Xpq - Xl) * (Xpq - Xl))
     d_Ed1 = (-Ed1 + (Xq - Xpq) * (Iq - k * e_q) - S * psi2q * (Xq - Xl) / (Xd - Xl)) / Tpqo
     return (
         (Efd - If) / Tpdo,
-        e_d / longer(Tppdo, shortest),
+        e_d / longer(Tppdo, shortest * Xpd / Xpp),
         d_Ed1,
-        e_q / longer(Tppqo, shortest),
+        e_q / longer(Tppqo, shortest * Xpq / Xpp),
     )
 
 
 def _quadratic(v: Values) -> tuple[Any, Any]:
-    return quadratic_constants(1.0, v["S10"], 1.2, v["S12"])
+    return quadratic_constants(1.0, v["S10"], 1.2, np.where(v["S10"] > 0, v["S12"], 0.0))
 
 
-def _exponential(v: Values) -> tuple[Any, Any]:
+def exponential_constants(v: Values) -> tuple[Any, Any]:
+    """Exponent and S(1.0) of the saturation by a power; none where S(1.0) or S(1.2) is zero."""
     saturates = (v["S10"] > 0) & (v["S12"] > 0)
     ratio = np.where(saturates, v["S12"], 1.0) / np.where(saturates, v["S10"], 1.0)
     return np.log(ratio) / np.log(1.2), np.where(saturates, v["S10"], 0.0)
@@ -142,7 +145,7 @@ def start_quadratic(v: Values) -> Start:
 
 def start_exponential(v: Values) -> Start:
     """Equilibrium of GENROE."""
-    return _starting(v, _exponential, exponential)
+    return _starting(v, exponential_constants, exponential)
 
 
 def _machine(name: str, title: str, saturation: Any, start: Any, rules: tuple[str, ...] = ()) -> Part:

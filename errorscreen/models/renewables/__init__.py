@@ -1,1 +1,9 @@
-"""Plants behind converters."""
+"""Plants behind converters: standard models, one family a file, and two devices of their own."""
+
+from errorscreen.models.part import Part
+from errorscreen.models.renewables.reec import REECA1, REECB1
+from errorscreen.models.renewables.regc_a import REGCA1
+from errorscreen.models.renewables.regc_b import REGCB1
+from errorscreen.models.renewables.repc_a import REPCA1
+
+CONVERTERS: tuple[Part, ...] = (REGCA1, REGCB1, REECA1, REECB1, REPCA1)

@@ -137,8 +137,9 @@ class GridModel:
     ) -> None:
         self._calls.append(Call(function, tuple(reads), tuple(writes), recorded=recorded))
 
-    def _stage(self, prefix: str, function: Equations) -> None:
+    def _stage(self, prefix: str, function: Equations | Call) -> None:
         """Call a stage of one unit, then the effects on its results."""
+        assert not isinstance(function, Call)  # a unit of standard models is refused before
         self._add(
             function,
             (qualified(prefix, n) for n in reads_of(function)),
@@ -193,7 +194,6 @@ class GridModel:
             self._stage(prefix, two_axis_fixed.rotor)
         for d in self.devices:
             for function in (*d.interface.terminal, *d.stages[1:]):
-                assert not isinstance(function, Call)  # a unit of standard models has no connection to a grid
                 self._stage(d.name, function)
 
     def _observe(self) -> None:

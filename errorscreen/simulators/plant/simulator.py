@@ -19,6 +19,7 @@ from errorscreen.engine.kernels import new_engine
 from errorscreen.events import Event, Playback
 from errorscreen.exceptions import InputError, unknown_name
 from errorscreen.models import DEVICES, Device
+from errorscreen.models.unit import SHORTEST
 from errorscreen.parameters import ParameterSpace
 from errorscreen.simulators import assembly
 from errorscreen.simulators.base import Responses, Simulator
@@ -120,7 +121,7 @@ class PlantSimulator(Simulator):
             }
         if effects is None:
             faults = () if self._behind else (*measurement_effects(device.outputs), common_skew())
-            effects = (*effects_of(device.name), *faults)
+            effects = (*effects_of(device.name, *device.tags), *faults)
         self.effects = tuple(effects)
         self._off = assembly.switched_off(self.effects)
         wrong = [effect.name for effect in self.effects if self._behind and effect.kind == "measurement"]
@@ -244,6 +245,8 @@ class PlantSimulator(Simulator):
         check_steps(event.time[-1] - event.time[0], step, "PlantSimulator, step")
         h, every = assembly.step_of(event, step)
         values = self._values(theta, event)
+        if "shortest" in values:
+            values["shortest"] = np.full(len(theta), SHORTEST * h)
         with np.errstate(all="ignore"):  # an absurd parameter shows in `feasible`
             states, setpoints, feasible = self.device.initialise(values)
         values |= {**states, **setpoints}
