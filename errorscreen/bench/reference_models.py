@@ -17,7 +17,8 @@ from scipy.interpolate import CubicSpline
 from errorscreen.engine.kernels import new_engine
 from errorscreen.models.device import Device
 from errorscreen.models.part import Part, Start, Values
-from errorscreen.models.unit import SHORTEST, UnitStart
+from errorscreen.models.unit import SHORTEST
+from errorscreen.models.unit_start import UnitStart
 from errorscreen.simulators import assembly
 
 #: stamps nearer than this (s) are one instant, at which a change of the voltage by more than this (pu) is a jump

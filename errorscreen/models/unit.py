@@ -6,20 +6,16 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
 from errorscreen.engine.stages import stage, writes_of
 from errorscreen.exceptions import InputError
 from errorscreen.models.device import Constant, Device, GridInterface
-from errorscreen.models.part import SLOTS, Limit, Part, Start, Values
+from errorscreen.models.part import SLOTS, Part, Start, Values
+from errorscreen.models.unit_start import UnitStart
 from errorscreen.parameters import ParameterSpace
 
 #: shortest time constant in steps of the integration; Runge-Kutta of order four advances it with an error of 1e-2
 #: over a step, and stays stable down to 0.36
 SHORTEST = 0.8
-#: how far beyond a limit a unit may start, relative to the limit or 1 pu: recorded starts are that inexact
-SLACK = 0.02
 
 
 @stage("Vc")
@@ -125,59 +121,6 @@ class Record:
     def __post_init__(self) -> None:
         object.__setattr__(self, "values", {**self.part.typical, **self.values})
         self.part.check(self.values, self.where or self.part.name)
-
-
-@dataclass(frozen=True)
-class UnitStart:
-    """Equilibrium of a unit: each part from the quantities of those before it; see `Device.initialise`.
-
-    The references of a plant controller follow from the control behind it, so that parts of a converter unit start in
-    the opposite order, and stages that read what is not known yet are left out.
-    """
-
-    parts: tuple[Part, ...]
-
-    def __call__(self, values: Values) -> tuple[Values, Values, NDArray[np.bool_]]:
-        """States, references, and rows that start within all limits and whose constants keep all rules."""
-        states, setpoints, limits, fits = self.explain(values)
-        for limit in limits:
-            low, high = _slack(limit)
-            fits = fits & (limit.value >= low) & (limit.value <= high)
-        return states, setpoints, fits
-
-    def explain(self, values: Values) -> tuple[Values, Values, list[Limit], NDArray[np.bool_]]:
-        """States, references, limits with the start between them, and rows whose constants keep all rules."""
-        known = {
-            **values,
-            "Vr": values["V"] * np.cos(values["angle"]),
-            "Vi": values["V"] * np.sin(values["angle"]),
-        }
-        states: Values = {}
-        setpoints: Values = {}
-        limits: list[Limit] = []
-        fits = np.ones_like(values["V"], dtype=bool)
-        for part in self.parts:
-            local = part.local(known)
-            for wrong in part.broken(local).values():
-                fits = fits & ~wrong
-            start = part.start(local)
-            states |= {part.qualified(name): value for name, value in start.states.items()}
-            setpoints |= {
-                part.qualified(name): value + 0.0 * values["V"] for name, value in start.setpoints.items()
-            }
-            limits += [limit._replace(quantity=f"{part.name}: {limit.quantity}") for limit in start.limits]
-            known |= states | setpoints
-            for function in part.stages:
-                call = part.call(function)
-                if known.keys() >= {*call.reads}:
-                    written = function(*(known[name] for name in call.reads))
-                    known |= dict(zip(call.writes, written, strict=True))
-        return states, setpoints, limits, fits
-
-
-def _slack(limit: Limit) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    low, high = np.asarray(limit.lower, dtype=float), np.asarray(limit.upper, dtype=float)
-    return low - SLACK * np.maximum(1.0, np.abs(low)), high + SLACK * np.maximum(1.0, np.abs(high))
 
 
 class Placed(Protocol):

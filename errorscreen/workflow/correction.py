@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from errorscreen.calibration import FitProblem, fewest_parameters
 from errorscreen.calibration.result import Calibration, Estimate
@@ -23,8 +26,9 @@ _BY_FAR = 2.0
 def correction_of(study: Study, diagnosis: Diagnosis) -> Correction | None:
     """Fewest constants of the model file that reproduce the fitted recordings, and the difference they make.
 
-    Where the verdict is unknown, only values that lower the error by far are told: something else is wrong as well. None
-    without a model file, and where an effect or the measurement is named: values that make up for it would be wrong.
+    Where the verdict is unknown, only values that lower the error by far are told, because something else is wrong as
+    well; their intervals count the error that remains as noise. None without a model file, and where an effect or the
+    measurement is named: values that make up for it would be wrong.
     """
     kind = diagnosis.final.kind
     if study.model_file is None or kind not in ("parameters", "unknown"):
@@ -39,7 +43,16 @@ def correction_of(study: Study, diagnosis: Diagnosis) -> Correction | None:
     )
     if fit is None:
         return None
-    moved = tuple(one for one in Calibration.of(fit, "map").parameters if one.name in fit.names_)
+    wider = float(np.sqrt(max(1.0, fit.chi2_per_sample_)))
+    moved = tuple(
+        replace(
+            one,
+            low=max(one.lower, one.value - wider * (one.value - one.low)),
+            high=min(one.upper, one.value + wider * (one.high - one.value)),
+        )
+        for one in Calibration.of(fit, "map").parameters
+        if one.name in fit.names_
+    )
     file, bus, identifier = study.model_file
     problem = FitProblem(simulator, list(study.searched))
     return Correction(

@@ -9,7 +9,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from errorscreen.models.unit import SHORTEST, UnitStart, unit
+from errorscreen.models.unit import SHORTEST, unit
+from errorscreen.models.unit_start import UnitStart
 
 from .imposed import needs, records, rms, table
 

@@ -19,7 +19,9 @@ from errorscreen.engine.kernels import new_engine
 from errorscreen.events import Event, Playback
 from errorscreen.exceptions import InputError, unknown_name
 from errorscreen.models import DEVICES, Device
+from errorscreen.models.device import Values
 from errorscreen.models.unit import SHORTEST
+from errorscreen.models.unit_start import UnitStart
 from errorscreen.parameters import ParameterSpace
 from errorscreen.simulators import assembly
 from errorscreen.simulators.base import Responses, Simulator
@@ -226,7 +228,8 @@ class PlantSimulator(Simulator):
             out = assembly.measured(out, self.device.outputs, acting, values, h)[..., ::every]
         status = assembly.statuses(out, _PLAUSIBLE, start)
         rows = [self.device.outputs.index(name) for name in self.channels]
-        return Responses(out[:, rows], status, event.time, self.channels)
+        detail = "" if start.all() else "; ".join(self._problems(values, int(np.argmin(start))))
+        return Responses(out[:, rows], status, event.time, self.channels, detail)
 
     def trajectories(
         self, theta: ArrayLike, event: Event, device: str = ""
@@ -261,6 +264,11 @@ class PlantSimulator(Simulator):
         values |= assembly.start_effects(assembly.inside(self.effects), values, lambda effect: values, h)
         return *assembly.starting(self._engine.model, values, feasible, len(theta)), values, h, every
 
+    def _problems(self, values: Values, row: int) -> list[str]:
+        """Why a row has no equilibrium, where its device can tell."""
+        start = self.device.initialise
+        return start.problems(values, row) if isinstance(start, UnitStart) else []
+
     def _injected(self, event: Playback, every: int, *between: Any) -> NDArray[np.float64]:
 
         def compute() -> NDArray[np.float64]:
@@ -286,6 +294,10 @@ class PlantSimulator(Simulator):
             for name, new, old in zip(self.channels, noise, observation.noise, strict=True)
             if not old / 1.1 <= new <= 1.1 * old
         ]
+        start = self.device.initialise
+        if isinstance(start, UnitStart):
+            values = self._prepared(nominal[None], event, self.step)[3]
+            notes += [f"{told}." for told in start.moved_limits(values)]
         observation = replace(
             observation,
             noise=noise,
