@@ -19,7 +19,7 @@ from errorscreen.cases.case_models import (
 )
 from errorscreen.cases.key_errors import explained, placed
 from errorscreen.cases.keys import key_tables
-from errorscreen.cases.model_sections import EVENTS, DeviceSection, GridSection
+from errorscreen.cases.model_sections import EVENTS, DeviceSection, GridSection, PlantSection
 from errorscreen.cases.section import Section, setting
 from errorscreen.data.recordings import Recording
 from errorscreen.exceptions import InputError, check_integer
@@ -55,6 +55,7 @@ class Case(Section):
         [], "further recordings to judge on; keys not given are those of [recording]"
     )
     device: DeviceSection | None = None
+    plant: PlantSection | None = None
     grid: GridSection | None = None
     simulation: SimulationSection = SimulationSection()
     screening: ScreeningSection = ScreeningSection()
@@ -95,6 +96,8 @@ class Case(Section):
         if len(models) != 1:
             found = "[device] and [grid] are both" if models else "neither [device] nor [grid] is"
             raise InputError(f"{found} given", allowed="one of the two")
+        if self.plant is not None and self.device is None:
+            raise InputError("[plant] is given with [grid]", allowed="only with [device]")
         space = models[0].space(self.folder)
         if self.screening.top_k is not None:
             check_integer(self.screening.top_k, "screening.top_k", high=len(space))

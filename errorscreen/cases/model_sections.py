@@ -19,6 +19,7 @@ from errorscreen.models import DEVICES, Device
 from errorscreen.models.dyr import read_dyr
 from errorscreen.parameters import Parameter, ParameterSpace
 from errorscreen.simulators import PowerSystemSimulator
+from errorscreen.simulators.plant.connection import Connection
 
 #: a shift of an instant by less, in s, comes from rounded time stamps
 _TOLD = 2e-5
@@ -127,6 +128,22 @@ class DeviceSection(CandidatesSection):
         device = self.model(folder)
         device.constant_values(self.constants, in_grid=self.grid_impedance != 0)
         return self.apply(device.candidates)
+
+
+class PlantSection(Section):
+    """What lies between the recorded point and the terminal of the unit, in pu of the unit's base."""
+
+    resistance: NotNegative = setting(0.0, "R of transformer, collector and line in series")
+    reactance: NotNegative = setting(0.0, "the same, X")
+    tap: Positive = setting(1.0, "ratio of the transformer in pu; above 1 the recorded voltage is higher")
+    shunt: float = setting(0.0, "susceptance B at the recorded point; a capacitor is positive")
+    auxiliary_p: float = setting(0.0, "active power of a load that is supplied before the recorded point")
+    auxiliary_q: float = setting(0.0, "the same, reactive power")
+
+    @property
+    def connection(self) -> Connection:
+        """The same for a simulator."""
+        return Connection(**self.model_dump())
 
 
 class GridSection(CandidatesSection):

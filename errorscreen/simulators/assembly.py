@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -28,11 +29,17 @@ def channel(signal: Any) -> Any:
     return (signal,)
 
 
-def assemble(device: Device, effects: Iterable[Effect], behind_impedance: bool = False) -> Model:
+def assemble(
+    device: Device,
+    effects: Iterable[Effect],
+    behind_impedance: bool = False,
+    point: Equations | None = None,
+) -> Model:
     """Model of a device at a terminal, with effects compiled in, each behind the equations of its port, in order.
 
     With `behind_impedance` the inputs ``Er``, ``Ei`` are the voltage behind ``R_grid`` + j ``X_grid``: (G1) to (G5) of
-    `errorscreen.power.elimination` for one unit. `InputError` for a port or quantity that the device does not have.
+    `errorscreen.power.elimination` for one unit. Equations of a `point` give its outputs from ``Er``, ``Ei``, ``Ir``,
+    ``Ii`` instead of the terminal's. `InputError` for a port or quantity that the device does not have.
     """
     effects = check_ports(device, effects)
     inputs, states = device.inputs, device.states
@@ -52,8 +59,13 @@ def assemble(device: Device, effects: Iterable[Effect], behind_impedance: bool =
     for call in own:
         calls.append(call)
         calls.extend(effect_call(effect) for name in call.writes for effect in effects if effect.port == name)
-    for name in device.outputs:
-        calls.append(Call(channel, (name,), (f"channel.{name}",), recorded=True))
+    measured: tuple[str, ...] = device.outputs
+    if point is not None:
+        constants = (*constants, *(name for name in reads_of(point) if name not in ("Er", "Ei", "Ir", "Ii")))
+        calls.append(replace(_call(point), recorded=True))
+        measured = writes_of(point)
+    for name, output in zip(device.outputs, measured, strict=True):
+        calls.append(Call(channel, (output,), (f"channel.{name}",), recorded=True))
     return Model(
         name=device.name,
         inputs=inputs,

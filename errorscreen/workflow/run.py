@@ -305,7 +305,7 @@ def _nominal(simulator: Simulator, observation: Observation) -> NDArray[np.float
     point = ", ".join(f"{name} = {value:.4g}" for name, value in event.initial.items())
     raise InputError(
         f"the nominal model cannot be simulated from the values recorded before the event, {point} pu: "
-        f"{REMEDIES[Status(responses.status[0])]}",
+        f"{responses.detail or REMEDIES[Status(responses.status[0])]}",
         where=f"recording {event.name!r}",
         allowed="V near 1 pu, P and Q within the limits of the device on its own base",
         remedy="Correct units, bases and signs of the columns, or the parameters and constants of the device",

@@ -128,6 +128,7 @@ class Study:
                 step=case.simulation.step,
                 dt=case.simulation.dt,
                 grid_impedance=case.device.grid_impedance,
+                connection=None if case.plant is None else case.plant.connection,
             )
         check_effects(simulator, case.discovery, case.source)
         n = len(together)

@@ -26,6 +26,7 @@ from errorscreen.parameters import ParameterSpace
 from errorscreen.simulators import assembly
 from errorscreen.simulators.base import Responses, Simulator
 from errorscreen.simulators.observations import check_recording
+from errorscreen.simulators.plant.connection import Connection, point_power
 from errorscreen.simulators.plant.driving_voltage import check_impedance, driving_voltage
 from errorscreen.simulators.plant.injection_noise import noise_left, propagated_energy, with_uncertainty
 from errorscreen.simulators.plant.playback import playback_observation
@@ -65,6 +66,9 @@ class PlantSimulator(Simulator):
         the plant is driven by the voltage behind the impedance, :math:`E = V_{rec} - Z I_{rec}`, and its own current
         moves the terminal, :math:`V = E + Z I`. P and Q must be recorded and count as true: there are no measurement
         effects.
+    connection : Connection, optional
+        Transformer, collector and line between the recorded point and the terminal of the device, where V, P and Q were
+        recorded at another point. Not together with `grid_impedance`.
     effects : iterable of Effect, optional
         Library that is compiled in; that of the device where not given.
     n_threads : int, optional
@@ -96,6 +100,7 @@ class PlantSimulator(Simulator):
         dt: float | None = None,
         operating_point: Mapping[str, float] | None = None,
         grid_impedance: complex = 0.0,
+        connection: Connection | None = None,
         effects: Iterable[Effect] | None = None,
         n_threads: int | None = None,
         engine: str = "compiled",
@@ -111,10 +116,20 @@ class PlantSimulator(Simulator):
         for name in self.parameters.names:
             device.candidates.index(name)
         self.grid_impedance = check_impedance(grid_impedance)
+        self.connection = connection
+        if connection is not None and self.grid_impedance:
+            raise InputError(
+                "connection and grid_impedance are both given",
+                where="PlantSimulator",
+                allowed="one of them: the voltage is recorded, or follows from the grid",
+            )
         self._behind = self.grid_impedance != 0
+        inside = self._behind or connection is not None
         self.constants = _with_frequency(
-            device.constant_values(constants, in_grid=self._behind), recording, constants
+            device.constant_values(constants, in_grid=inside), recording, constants
         )
+        if connection is not None:
+            self.constants |= connection.constants
         if self._behind:
             self.constants |= {
                 "R_grid": self.grid_impedance.real,
@@ -137,7 +152,8 @@ class PlantSimulator(Simulator):
         self.step, self.dt = step, dt
         self.operating_point = dict(operating_point or {})
         self._recent, self._observed = Recent(), Recent()
-        self._engine = new_engine(engine, assembly.assemble(device, self.effects, self._behind), n_threads)
+        point = None if connection is None else point_power
+        self._engine = new_engine(engine, assembly.assemble(device, self.effects, inside, point), n_threads)
         self.channels = _channels(recording, channels, device.outputs)
         self.units = ("pu",) * len(self.channels)
         if not isinstance(recording, Playback | Observation):  # the event does not depend on uncertainty
@@ -248,12 +264,14 @@ class PlantSimulator(Simulator):
         check_steps(event.time[-1] - event.time[0], step, "PlantSimulator, step")
         h, every = assembly.step_of(event, step)
         values = self._values(theta, event)
+        if self.connection is not None:
+            values |= self.connection.terminal(values)
         if "shortest" in values:
             values["shortest"] = np.full(len(theta), SHORTEST * h)
         with np.errstate(all="ignore"):  # an absurd parameter shows in `feasible`
             states, setpoints, feasible = self.device.initialise(values)
         values |= {**states, **setpoints}
-        if self._behind:
+        if self._behind or self.connection is not None:
             values |= {state: values[name] for state, name in self.device.interface.states}
         # without a disturbance before the end, an unknown input still has a window of one sample
         begin = min(event.start, event.time[-1] - event.dt)
@@ -272,7 +290,8 @@ class PlantSimulator(Simulator):
     def _injected(self, event: Playback, every: int, *between: Any) -> NDArray[np.float64]:
 
         def compute() -> NDArray[np.float64]:
-            return driving_voltage(event, every, self.device.needs_angle, self.grid_impedance, *between)
+            voltage = driving_voltage(event, every, self.device.needs_angle, self.grid_impedance, *between)
+            return voltage if self.connection is None else voltage / self.connection.tap
 
         return np.asarray(self._recent.get((event,), (every, *between), compute))
 
