@@ -1,27 +1,54 @@
-"""Parts of units left out, in simulations by another program, ANDES 2.0: renews a table of ``docs/studies``.
+"""Parts left out of units that another program, ANDES, simulated: renews a table of ``docs/studies``.
 
-``python benchmarks/andes_units.py --make FOLDER``, with ANDES, simulates the units; ``--check FOLDER`` compares the whole
-units with it, and ``--search FOLDER [CASE ...]`` leaves their last parts out and looks for the causes, a line of
-``FOLDER/results.jsonl`` for each search. Both take errorscreen, and ``--table FOLDER`` makes the table of the lines.
+``python benchmarks/andes_units.py --make FOLDER`` simulates the units, and needs ANDES but not errorscreen. ``--check
+FOLDER`` compares the whole units with it in playback. ``--search FOLDER [CASE ...] [--seed N]`` searches the whole units
+and those without their last part, a line of ``FOLDER/results.jsonl`` for each search; finished ones are not repeated.
 """
 
 import argparse
-import csv
 import json
 from pathlib import Path
 from time import perf_counter
 
-#: values that differ from typical ones, by names of errorscreen. D is larger in ANDES by the mechanical power, because
-#: it takes that as a torque. HYGOV of ANDES leaves r Tr out, so that it is 1 here.
+import numpy as np
+
+#: records by the names that errorscreen gives the constants. HYGOV of ANDES leaves the factor r Tr out, so it is 1 here.
 RECORDS = {
-    "GENROU": {"Tpdo": 6.5, "Tppdo": 0.035, "Tpqo": 0.6, "D": 1.5, "Xpq": 0.55, "Xpp": 0.25},
-    "SEXS": {},
-    "TGOV1": {"VMAX": 1.2},
-    "HYGOV": {"r": 0.4, "Tr": 2.5, "VELM": 0.5, "Dturb": 0.0, "TW": 1.2},
-    "IEEEG1": {"K1": 0.3, "K3": 0.4, "K5": 0.3, "T7": 0.05},
-    "ESST4B": {"VRMAX": 3.0, "VRMIN": -3.0, "VMMAX": 3.0, "VMMIN": -3.0},
-    "IEEEST": {"A1": 0.02, "A2": 0.0004, "T1": 0.15, "T2": 0.03, "T3": 0.15, "T4": 0.03, "KS": 10.0},
-}
+    "GENROU": {
+        "Tpdo": 6.5, "Tppdo": 0.035, "Tpqo": 0.6, "Tppqo": 0.06, "H": 4.0, "D": 1.5, "Xd": 1.8, "Xq": 1.7, "Xpd": 0.3,
+        "Xpq": 0.55, "Xpp": 0.25, "Xl": 0.15, "S10": 0.1, "S12": 0.4,
+    },
+    "SEXS": {"TA_TB": 0.1, "TB": 10.0, "K": 100.0, "TE": 0.1, "EMIN": 0.0, "EMAX": 5.0},
+    "ESST4B": {
+        "TR": 0.02, "KPR": 3.0, "KIR": 3.0, "VRMAX": 3.0, "VRMIN": -3.0, "TA": 0.01, "KPM": 1.0, "KIM": 0.0, "VMMAX": 3.0,
+        "VMMIN": -3.0, "KG": 0.0, "KP": 6.7, "KI": 0.0, "VBMAX": 8.4, "KC": 0.1, "XL": 0.0, "THETAP": 0.0,
+    },
+    "TGOV1": {"R": 0.05, "T1": 0.3, "VMAX": 1.2, "VMIN": 0.0, "T2": 2.0, "T3": 7.0, "Dt": 0.0},
+    "HYGOV": {
+        "R": 0.05, "r": 0.4, "Tr": 2.5, "Tf": 0.05, "Tg": 0.3, "VELM": 0.5, "GMAX": 1.0, "GMIN": 0.0, "TW": 1.2, "At": 1.2,
+        "Dturb": 0.0, "qNL": 0.08,
+    },
+    "IEEEG1": {
+        "JBUS": 0, "M": 0, "K": 20.0, "T1": 0.15, "T2": 0.0, "T3": 0.2, "UO": 0.3, "UC": -0.5, "PMAX": 1.0, "PMIN": 0.0,
+        "T4": 0.3, "K1": 0.3, "K2": 0.0, "T5": 7.0, "K3": 0.4, "K4": 0.0, "T6": 0.4, "K5": 0.3, "K6": 0.0, "T7": 0.05,
+        "K7": 0.0, "K8": 0.0,
+    },
+    "IEEEST": {
+        "IC": 1, "IB": 0, "A1": 0.02, "A2": 0.0004, "A3": 0.0, "A4": 0.0, "A5": 0.0, "A6": 0.0, "T1": 0.15, "T2": 0.03,
+        "T3": 0.15, "T4": 0.03, "T5": 10.0, "T6": 10.0, "KS": 10.0, "LSMAX": 0.1, "LSMIN": -0.1, "VCU": 0.0, "VCL": 0.0,
+    },
+}  # fmt: skip
+#: names in ANDES where they differ; None: not there
+RENAMED = {
+    "GENROU": {
+        "Tpdo": "Td10", "Tppdo": "Td20", "Tpqo": "Tq10", "Tppqo": "Tq20", "H": None, "Xd": "xd", "Xq": "xq", "Xpd": "xd1",
+        "Xpq": "xq1", "Xpp": "xd2", "Xl": "xl",
+    },
+    "SEXS": {"TA_TB": "TATB"},
+    "HYGOV": {"TW": "Tw", "Dturb": "Dt"},
+    "IEEEG1": {"JBUS": None, "M": None},
+    "IEEEST": {"IC": "MODE", "IB": None},
+}  # fmt: skip
 CASES = {
     "sexs": ("GENROU", "SEXS"),
     "tgov1": ("GENROU", "TGOV1"),
@@ -31,26 +58,161 @@ CASES = {
     "sexs_ieeest": ("GENROU", "SEXS", "IEEEST"),
     "sexs_tgov1_ieeest": ("GENROU", "SEXS", "TGOV1", "IEEEST"),
 }
-COLUMNS = ("time", "V", "angle", "P", "Q")
-#: instants in s: between two samples
+NAMES = ("time", "V", "angle", "P", "Q")
+#: fault and its clearing, between two samples, and end of the simulation in s
 FAULT, CLEARING, END = 1.0 + 1 / 240, 1.1 + 1 / 240, 12.0
 STEP, SAMPLE = 1 / 960, 1 / 120
 #: signal to noise in dB
 SNR = 40.0
+F_NOMINAL, BASE = 60.0, 100.0
 
 
-def values_of(model):
-    """Complete record of a model, in its order, from its defaults in the package."""
-    from errorscreen.models.dyr_record import known_parts
+def simulate(models):
+    """Terminal of a unit in ANDES at each step, columns as `NAMES`; two rows with one stamp are a jump."""
+    import andes
 
-    part = known_parts()[model]
-    return {**part.typical, **RECORDS[model]}
-
-
-def dyr_text(models):
-    """Records of a unit as a DYR file."""
-    lines = []
+    andes.config_logger(40)
+    system = andes.System(no_output=True, default_config=True)
+    system.config.freq = F_NOMINAL
+    for bus, kV in ((1, 20.0), (2, 230.0), (3, 230.0)):
+        system.add("Bus", {"idx": bus, "Vn": kV})
+    line = {"b": 0.0, "Sn": BASE, "Vn2": 230.0}
+    system.add("Line", {"idx": "transformer", "bus1": 1, "bus2": 2, "r": 0.0, "x": 0.12, "Vn1": 20.0, **line})
+    system.add("Line", {"idx": "line", "bus1": 2, "bus2": 3, "r": 0.01, "x": 0.25, "Vn1": 230.0, **line})
+    system.add("Slack", {"idx": "slack", "bus": 3, "v0": 1.0, "Vn": 230.0, "Sn": 20 * BASE})
+    system.add("PV", {"idx": "set", "bus": 1, "p0": 0.75, "v0": 1.02, "Vn": 20.0, "Sn": BASE})
+    rated = {"fn": F_NOMINAL, "Vn": 230.0, "Sn": 20 * BASE}
+    system.add(
+        "GENCLS", {"idx": "source", "bus": 3, "gen": "slack", "M": 10.0, "D": 0.0, "xd1": 0.2, **rated}
+    )
     for model in models:
-        numbers = " ".join(f"{value:g}" for value in values_of(model).values())
-        lines.append(f"1 '{model}' 1  {numbers} /")
-    return "\n".join(lines) + "\n"
+        renamed = RENAMED.get(model, {})
+        named = {renamed.get(name, name): value for name, value in RECORDS[model].items()}
+        named.pop(None, None)
+        if model == "GENROU":
+            M, xq2 = 2 * RECORDS[model]["H"], RECORDS[model]["Xpp"]
+            named |= {"bus": 1, "gen": "set", "M": M, "xq2": xq2, "fn": F_NOMINAL, "Vn": 20.0, "Sn": BASE}
+        else:
+            named |= {"avr": "SEXS"} if model == "IEEEST" else {"syn": "GENROU"}
+        system.add(model, {"idx": model, **named})
+    system.add("Fault", {"idx": "fault", "bus": 2, "tf": FAULT, "tc": CLEARING, "xf": 0.02, "rf": 0.0})
+    system.setup()
+    system.PFlow.run()
+    config = system.TDS.config
+    config.tf, config.tstep, config.fixt, config.shrinkt, config.no_tqdm = END, STEP, 1, 0, 1
+    system.TDS.run()
+    time, y = np.array(system.dae.ts.t), system.dae.ts.y
+    of = (system.Bus.v.a[0], system.Bus.a.a[0], system.GENROU.Pe.a[0], system.GENROU.Qe.a[0])
+    for instant in (FAULT, CLEARING):  # an event acts within the 0.1 ms behind its instant
+        row = int(np.abs(time - instant).argmin())
+        time[row : row + 2] = 0.5 * (time[row] + time[row + 1])
+    return np.column_stack([time, y[:, of]])
+
+
+def make(folder):
+    """Simulate all cases that are not there yet."""
+    for case, models in CASES.items():
+        path = folder / f"{case}.csv"
+        if not path.exists():
+            np.savetxt(path, simulate(models), "%.10g", delimiter=",", header=",".join(NAMES), comments="")
+            print(path)
+
+
+def unit_of(folder, case, leave_out=()):
+    """Unit of a case by way of its DYR file, which is written first."""
+    from errorscreen.models.dyr import read_dyr
+    from errorscreen.models.standard import PARTS
+
+    lines = []
+    for model in CASES[case]:
+        numbers = (f"{RECORDS[model][one.name]:g}" for one in PARTS[model].fields)
+        lines.append(f"1 '{model}' 1  {' '.join(numbers)} /\n")
+    path = folder / f"{case}.dyr"
+    path.write_text("".join(lines), "utf-8")
+    return read_dyr(path).unit(leave_out=leave_out)
+
+
+def check(folder):
+    """Print the error of each whole unit in playback, with D less the mechanical power, and as written."""
+    from errorscreen.bench.reference_models import play
+
+    for case in CASES:
+        time, V, angle, P, Q = np.loadtxt(folder / f"{case}.csv", delimiter=",", skiprows=1).T
+        device = unit_of(folder, case)
+        for D in (RECORDS["GENROU"]["D"] - P[0], RECORDS["GENROU"]["D"]):
+            out = play(
+                device, time, V, angle, {"P": P[0], "Q": Q[0]}, ["P", "Q"], f_nominal=F_NOMINAL,
+                constants={"GENROU.D": D},
+            )  # fmt: skip
+            errors = [out[name] - one for name, one in (("P", P), ("Q", Q))]
+            rms = [np.sqrt(np.mean(error**2)) for error in errors]
+            print(f"{case:20} D {D:.2f}: rms P {rms[0]:.1e}, Q {rms[1]:.1e}, max {np.abs(errors).max():.1e}")
+
+
+def recording_of(folder, case, seed):
+    """Samples with noise, and their noise relative to what moves."""
+    from errorscreen.data.recordings import Recording
+
+    rows = np.loadtxt(folder / f"{case}.csv", delimiter=",", skiprows=1)
+    time = np.arange(0.0, END, SAMPLE)
+    rng = np.random.default_rng([seed, list(CASES).index(case)])
+    channels = {}
+    for name, column in zip(NAMES[1:], rows.T[1:], strict=True):
+        clean = np.interp(time, rows[:, 0], column)
+        sigma = np.sqrt(np.mean((clean - clean[0]) ** 2)) * 10 ** (-SNR / 20)
+        channels[name] = clean + sigma * rng.standard_normal(len(time))
+    return Recording.from_arrays(
+        time, channels, base_mva=BASE, f_nominal=F_NOMINAL, event_time=FAULT, name=case
+    )
+
+
+def search(folder, cases, seed, max_effects):
+    """Search each case, whole and without its last part."""
+    import errorscreen
+
+    path = folder / "results.jsonl"
+    lines = path.read_text("utf-8").splitlines() if path.exists() else []
+    done = {(row["case"], row["left_out"], row["seed"]) for row in map(json.loads, lines)}
+    for case in cases or CASES:
+        recording = recording_of(folder, case, seed)
+        for left_out in (CASES[case][-1], ""):
+            if (case, left_out, seed) in done:
+                continue
+            plant = errorscreen.Plant(unit_of(folder, case, [left_out] if left_out else []), recording)
+            started = perf_counter()
+            found = errorscreen.diagnose(plant, recording, random_state=0, max_effects=max_effects)
+            row = {
+                "case": case,
+                "left_out": left_out,
+                "seed": seed,
+                "verdict": found.verdict.kind,
+                "causes": [[one.name, round(one.probability, 3)] for one in found.causes[:3]],
+                "values": {one.name: float(f"{one.value:.4g}") for one in found.parameters},
+                "seconds": round(perf_counter() - started),
+            }
+            with path.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(row) + "\n")
+            print(found.summary(), flush=True)
+
+
+def main():
+    """Do what the command line says."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    what = parser.add_mutually_exclusive_group(required=True)
+    for name in ("make", "check", "search"):
+        what.add_argument(f"--{name}", type=Path, metavar="FOLDER")
+    parser.add_argument("cases", nargs="*")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--max-effects", type=int, default=2)
+    arguments = parser.parse_args()
+    if arguments.make:
+        arguments.make.mkdir(parents=True, exist_ok=True)
+        make(arguments.make)
+    elif arguments.check:
+        check(arguments.check)
+    else:
+        search(arguments.search, arguments.cases, arguments.seed, arguments.max_effects)
+
+
+if __name__ == "__main__":
+    main()

@@ -23,10 +23,11 @@ from tests.models.networks import ThreeBus, beside, simulate
 
 TABLE = ROOT / "docs" / "tables" / "reference_models.md"
 #: columns of the table, and their names in a unit
-QUANTITIES = {"P": "P", "Q": "Q", "speed": "omega", "Efd": "Efd", "rotor angle": "delta"}
-#: columns of OpenIPSL, those of PSS/E, and what is added to them
+QUANTITIES = {"P": "P", "Q": "Q", "speed": "omega", "Efd": "Efd", "Pm": "Pm", "rotor angle": "delta"}
+#: columns of OpenIPSL with what is added to them, and those of PSS/E
 SMIB = {
-    "P": ("P_pu", 0), "Q": ("Q_pu", 0), "speed": ("speed_dev_pu", 1), "Efd": ("EFD_pu", 0), "rotor angle": ("delta_rad", 0),
+    "P": ("P_pu", 0), "Q": ("Q_pu", 0), "speed": ("speed_dev_pu", 1), "Efd": ("EFD_pu", 0), "Pm": ("PMECH_pu", 0),
+    "rotor angle": ("delta_rad", 0),
 }  # fmt: skip
 THREE_BUS = {"speed": "dw_pu", "Efd": "Efd", "rotor angle": "delta_deg"}
 MACHINES = {
@@ -61,7 +62,7 @@ def row_of_smib(folder):
         power=table.PMECH_pu[0],
     )  # fmt: skip
     errors = {name: rms(found[own] - recorded[name]) for name, own in QUANTITIES.items()}
-    return "OpenIPSL", device.name, *cells(errors, recorded)
+    return f"OpenIPSL `{folder.name}`", device.name, *cells(errors, recorded)
 
 
 def row_of_machine(folder, case, file):
@@ -76,7 +77,7 @@ def row_of_machine(folder, case, file):
     names = {name: QUANTITIES[name] for name in recorded}
     run = simulate(device, network, start, [*names.values()], 0.005)
     errors = beside(recorded, table.time.to_numpy(), names, *run)
-    return "PSS/E", device.name, *cells(errors, recorded)
+    return f"PSS/E `{case}`", device.name, *cells(errors, recorded)
 
 
 def row_of_renewable(folder, case, file):
@@ -87,7 +88,7 @@ def row_of_renewable(folder, case, file):
     start = {"P": table.P[0], "Q": table.Q[0]}
     found = play(device, time, V, 0.0 * V, start, ["P", "Q"], f_nominal=60.0)
     errors = {name: rms(np.delete(found[name], trip) - table[name]) for name in "PQ"}
-    return "PSS/E", device.name, *cells(errors, {name: table[name].to_numpy() for name in "PQ"})
+    return f"PSS/E `{case}`", device.name, *cells(errors, {name: table[name].to_numpy() for name in "PQ"})
 
 
 def main(data):
@@ -105,7 +106,7 @@ def main(data):
         rows.append(row())
         print(*rows[-1], sep=" | ", flush=True)
     if rows:
-        titles = ("program", "unit", *QUANTITIES)
+        titles = ("case", "unit", *QUANTITIES)
         write_text_atomic(TABLE, "\n".join(table_lines(titles, rows)) + "\n")
 
 

@@ -9,6 +9,9 @@ from errorscreen.bench.plant_scenarios import FIT, OPERATING_POINT, RATE, START,
 from errorscreen.cases import load_ieee39
 from errorscreen.cases.ieee39_data import POSITIONS
 from errorscreen.events import Playback
+from errorscreen.models import DEVICES
+from errorscreen.models.standard import PARTS
+from errorscreen.models.unit import Record, unit
 from errorscreen.plotting import plot_signature, plot_system
 from errorscreen.simulators import LoadUnderTest, PlantSimulator
 
@@ -16,6 +19,8 @@ from errorscreen.simulators import LoadUnderTest, PlantSimulator
 _SIDES = (*FIT, GridSide("low for two seconds", 0.6, 2.0), GridSide("high to the end", step=0.12))
 #: bus of the load whose effects are drawn
 _LOAD_BUS = 4
+#: standard models of the unit that shows effects of such units; the stabiliser only where an effect needs it
+_UNIT = ("GENROU", "SEXS", "TGOV1", "STAB1")
 
 
 def write_all(folder):
@@ -29,9 +34,18 @@ def write_all(folder):
         if effect.kind == "event" or devices == ("load",):
             figure = plot_signature(grid, f"load_{_LOAD_BUS}.{effect.name}" if devices else effect.name)
         else:
-            plant = PlantSimulator(next(iter(devices), "synchronous_machine"), events[0])
+            plant = PlantSimulator(shown_on(devices), events[0])
             figure = plot_signature(plant, effect.name, events)
         figure.savefig(folder / file, dpi=80)
+
+
+def shown_on(devices):
+    """Device that shows an effect: the first that has it, or a unit of standard models."""
+    name = next(iter(devices), "synchronous_machine")
+    if name in DEVICES:
+        return name
+    models = _UNIT if name == "with stabiliser" else _UNIT[:-1]
+    return unit([Record(PARTS[model], {}) for model in models])
 
 
 def scrape(block, block_vars, gallery_conf):

@@ -30,6 +30,7 @@ from errorscreen.effects import (
 )
 from errorscreen.effects.generic.library import TEXTS
 from errorscreen.models import DEVICES, LOAD
+from errorscreen.models.standard import PARTS
 from errorscreen.simulators import PlantSimulator
 from errorscreen.simulators.base import REMEDIES, Status
 
@@ -55,6 +56,7 @@ MEASURED = {
     "first_look": "python benchmarks/first_look.py",
     "traps": "errorscreen bench discovery --case traps --scenarios 700 --seed 67",
     "measured_systems": "python benchmarks/measured_systems.py DATA",
+    "reference_models": "python benchmarks/reference_models.py DATA",
     "search_speed": "python benchmarks/search_speed.py",
     "learning_curve": "python benchmarks/learning_curve.py",
 }
@@ -254,8 +256,8 @@ def effect_sections():
     sections_of = Counter(effect.name for effect in found)
     for effect in found:
         names, alone = effect.devices, sections_of[effect.name] == 1
-        heading = f"`{effect.name}`" if alone else f"`{effect.name}` of {code_list(names)}"
-        file = "-".join(("effect", effect.name, *(() if alone else names))) + ".png"
+        heading = f"`{effect.name}`" if alone else f"`{effect.name}` of {owners(names)}"
+        file = "-".join(("effect", effect.name, *(() if alone else names))).replace(" ", "-") + ".png"
         yield f"{heading}: {effect.title}", file, effect, names
 
 
@@ -266,7 +268,7 @@ def effect_text(heading, file, effect, devices):
         [
             f"### {heading}\n",
             f"{effect.description} `{effect.formula}` Acts on `{effect.port}` of "
-            f"{code_list(devices) or _OF[effect.kind]}. Easily confused with "
+            f"{owners(devices) or _OF[effect.kind]}. Easily confused with "
             f"{'; '.join(effect.confused_with)}. Source: {effect.source}.\n",
             table(PARAMETER_HEADER, parameters),
             f"![Changes by {' of '.join((effect.name, *devices[:1]))}](../_generated/{file})\n",
@@ -274,9 +276,32 @@ def effect_text(heading, file, effect, devices):
     )
 
 
+def owners(names):
+    """Devices of an effect, and what it asks of a unit of standard models."""
+    devices = [name for name in names if name in DEVICES or name == LOAD.name]
+    tags = [name for name in names if name not in devices]
+    units = f"units of standard models ({code_list(tags)})" if tags else ""
+    return " and ".join(filter(None, (code_list(devices), units)))
+
+
 def code_list(names):
     """Names as code, with commas."""
     return ", ".join(f"`{name}`" for name in names)
+
+
+def part_table():
+    """Standard models that a DYR file may hold."""
+    rows = [
+        (
+            ", ".join(f"`{name}`" for name in (part.name, *part.aliases)),
+            part.slot.replace("_", " "),
+            part.title,
+            len(part.fields),
+            part.checked or "nothing outside yet",
+        )
+        for part in (PARTS[name] for name in PARTS)
+    ]
+    return table(("name in the file", "slot", "model", "constants", "compared with"), rows)
 
 
 def effect_table():
@@ -351,6 +376,7 @@ DECLARED = {
     "load": load_tables,
     "paper_figures": paper_figures,
     "result": result_table,
+    "standard_models": part_table,
     "status": status_table,
     "units": unit_table,
 }

@@ -28,10 +28,10 @@ SLOTS = (
     (
         "converter",
         "plant_control",
-        "torque_control",
+        "drive_train",
         "pitch_control",
         "aerodynamics",
-        "drive_train",
+        "torque_control",
         "electrical_control",
     ),
 )
@@ -188,7 +188,7 @@ class Part:
     start : callable
         ``start(values) -> Start`` from the constants and the quantities of other parts at the start, arrays (n,) or ().
     closing : tuple of callable
-        Of a machine or converter: stages behind all other parts.
+        Stages behind those of all parts.
     rules : tuple of str
         What a record must hold: ``"VRMIN < VRMAX"`` (a chain), or ``"TC needs TB"`` (TC may be other than zero only if
         TB is). A term may be a product, ``"M * N <= 8"``, and a need may have alternatives, ``"A5 needs A1 or A3"``.

@@ -48,21 +48,49 @@ def constant_references(Pref0: Any, Qext0: Any) -> Any:
     return Pref0, Qext0
 
 
-@stage("wg")
-def constant_speed(V: Any) -> Any:
-    """Speed of a converter unit without drive train."""
-    return (0.0 * V + 1.0,)
+@stage("Pset", "wref")
+def no_torque_control(Pref: Any, wg0: Any) -> Any:
+    """Order of power and reference of speed of a converter unit without torque control."""
+    return Pref, wg0
 
 
-@stage("Ipcmd", "Iqcmd")
-def constant_currents(Ip0: Any, Iq0: Any) -> Any:
-    """Commands of a converter unit without electrical control."""
-    return Ip0, Iq0
+def unit_speed(v: Values) -> Start:
+    """Speed at the start of a converter unit without torque control."""
+    return Start({}, {"wg0": 0.0 * v["V"] + 1.0})
+
+
+@stage("theta")
+def constant_pitch(theta0: Any) -> Any:
+    """Pitch of a converter unit without its control."""
+    return (theta0,)
+
+
+@stage("Pm")
+def constant_wind(Pm0: Any) -> Any:
+    """Mechanical power of a converter unit without aerodynamics."""
+    return (Pm0,)
+
+
+def power_of_wind(v: Values) -> Start:
+    """Mechanical power at the start of a converter unit without aerodynamics."""
+    return Start({}, {"Pm0": v["P"], "theta0": 0.0 * v["V"]})
+
+
+@stage("wt", "wg")
+def constant_speed(wg0: Any) -> Any:
+    """Speeds of a converter unit without drive train."""
+    return wg0, wg0
+
+
+@stage("Ipcmd", "Iqcmd", "Pord", "dip")
+def constant_currents(Ip0: Any, Iq0: Any, Pref0: Any) -> Any:
+    """Commands of a converter unit without electrical control, and what a wind turbine asks of it."""
+    return Ip0, Iq0, Pref0, 0.0 * Ip0
 
 
 def powers(v: Values) -> Start:
     """References of a converter unit without electrical control: the powers of the start."""
-    return Start({}, {"Pref0": v["P"], "Qext0": v["Q"]})
+    return Start({}, {"Pref0": v["P"], "Qext0": v["Q"], "by_speed": 0.0 * v["P"]})
 
 
 def _null(name: str, slot: str, title: str, function: Any) -> Part:
@@ -79,9 +107,19 @@ NULL_PARTS = {
         _null("constant power", "governor", "constant mechanical power", constant_power),
         _null("constant references", "plant_control", "constant references", constant_references),
         _null("constant speed", "drive_train", "constant speed", constant_speed),
+        _null("constant pitch", "pitch_control", "constant pitch", constant_pitch),
+        Part(
+            "constant wind", "aerodynamics", "constant wind", (), (constant_wind,),
+            ports=("Pm", "Pm0", "theta0"), setpoints=("Pm0", "theta0"), start=power_of_wind,
+        ),
+        Part(
+            "no torque control", "torque_control", "no torque control", (), (no_torque_control,),
+            ports=("Pset", "wref", "wg0"), setpoints=("wg0",), start=unit_speed,
+        ),
         Part(
             "constant currents", "electrical_control", "constant currents", (), (constant_currents,),
-            ports=("Ipcmd", "Iqcmd", "Pref0", "Qext0"), setpoints=("Pref0", "Qext0"), start=powers,
+            ports=("Ipcmd", "Iqcmd", "Pord", "dip", "Pref0", "Qext0", "by_speed"),
+            setpoints=("Pref0", "Qext0", "by_speed"), start=powers,
         ),
     )
 }  # fmt: skip
@@ -205,7 +243,7 @@ def unit(records: Sequence[Record], *, name: str = "") -> Device:
             else:
                 fixed.append(Constant(f"{one.part.name}.{item.name}", value, item.unit, item.description))
     calls = [part.call(function) for part in parts for function in part.stages]
-    calls += [frame.call(function) for function in frame.closing]
+    calls += [part.call(function) for part in parts for function in part.closing]
     return Device(
         name=name or "+".join(slots[slot].part.name for slot in family if slot in slots),
         title=", ".join(slots[slot].part.title for slot in family if slot in slots),

@@ -5,5 +5,8 @@ from errorscreen.models.renewables.reec import REECA1, REECB1
 from errorscreen.models.renewables.regc_a import REGCA1
 from errorscreen.models.renewables.regc_b import REGCB1
 from errorscreen.models.renewables.repc_a import REPCA1
+from errorscreen.models.renewables.wind_turbine import WTARA1, WTDTA1, WTPTA1, WTTQA1
 
-CONVERTERS: tuple[Part, ...] = (REGCA1, REGCB1, REECA1, REECB1, REPCA1)
+CONVERTERS: tuple[Part, ...] = (
+    REGCA1, REGCB1, REECA1, REECB1, REPCA1, WTDTA1, WTARA1, WTPTA1, WTTQA1,
+)  # fmt: skip

@@ -11,7 +11,7 @@ With :math:`V_f` and :math:`P_f` behind the filters Trv and Tp, and the dip :mat
         Q_{ref} + V_{ref1}\Big]_{Vmin}^{Vmax}                                                        & (3)\\
     I_{qb} &= \mathrm{PI}_V(V_{set} - V_f)\ \text{if QFLAG, else}\ \frac{Q_{ref}/V_f}{1 + sT_{iq}}      & (4)\\
     I_{q,cmd} &= [I_{qb} + I_{q,inj}]_{\pm I_{qmax}}                                                   & (5)\\
-    T_{pord}\,\dot P_{ord} &= P_{ref}\,(\omega_g\ \text{if PFLAG}) - P_{ord},\quad
+    T_{pord}\,\dot P_{ord} &= P_{set}\,(\omega_g\ \text{if PFLAG}) - P_{ord},\quad
         dP_{min} \le \dot P_{ord} \le dP_{max},\quad P_{min} \le P_{ord} \le P_{max}                  & (6)\\
     I_{p,cmd} &= [P_{ord}/V_f]_0^{I_{pmax}}                                                           & (7)
 
@@ -23,7 +23,8 @@ The limits of the currents share :math:`I_{max}`: the current that is not first 
 :math:`\sqrt{I_{max}^2 - I^2}`. In REECA1 each is also below a table of four points over :math:`V_f`. A
 table ends at the first point whose voltage is not above that of the point before, and one that is all zero is none.
 
-Vref0 = 0 is the voltage at the start. A remote bus is not used.
+:math:`P_{set}` is the reference of the plant, or the order of a torque control
+(`errorscreen.models.renewables.wind_turbine`). Vref0 = 0 is the voltage at the start. A remote bus is not used.
 
 (WECC, *Solar Photovoltaic Power Plant Modeling and Validation Guideline*, 2019; PSS/E model library, REECA1 and
 REECB1.)
@@ -186,11 +187,11 @@ def no_dip_logic(Iqv: Any) -> Any:
 
 @stage("d_Pord")
 def power_order(
-    Pref: Any, wg: Any, dip: Any, Pord: Any, lowP: Any, highP: Any, PFLAG: Any, Tpord: Any, dPmax: Any, dPmin: Any,
+    Pset: Any, wg: Any, dip: Any, Pord: Any, lowP: Any, highP: Any, PFLAG: Any, Tpord: Any, dPmax: Any, dPmin: Any,
     shortest: Any,
 ) -> Any:  # fmt: skip
     """Order of power, (6)."""
-    wanted = Pref * select(PFLAG == 1.0, wg, 0.0 * wg + 1.0)
+    wanted = Pset * select(PFLAG == 1.0, wg, 0.0 * wg + 1.0)
     rate = clip((wanted - Pord) / longer(Tpord, shortest), dPmin, dPmax)
     return (select(dip > 0.0, 0.0, hold_at_limits(Pord, rate, lowP, highP)),)
 
@@ -283,21 +284,21 @@ def start_a(v: Values) -> Start:
         Limit("reactive current", Iq, 0.0, table_q, ("", "Iq")),
         Limit("active current", Ip, -_NONE, table_p, ("", "Ip")),
     )
-    return Start(states, {**setpoints, **more}, limits)
+    return Start(states, {**setpoints, **more, "by_speed": v["PFLAG"]}, limits)
 
 
 def start_b(v: Values) -> Start:
     """Equilibrium of REECB1, whose reference of voltage has no bias, and whose order of power no speed."""
     states, setpoints, limits = _starting(v, 0.0, always=True)
     none = np.zeros_like(v["V"])
-    return Start(states, {**setpoints, "Vref1": none, "PFLAG": none}, limits)
+    return Start(states, {**setpoints, "Vref1": none, "PFLAG": none, "by_speed": none}, limits)
 
 
 _STATES = ("Vf", "Pf", "xq", "xv", "xi", "Pord")
 _SETPOINTS = (
-    "Vref", "tangent", "lowQ", "highQ", "lowV", "highV", "lowP", "highP", "highI", "Pref0", "Qext0",
+    "Vref", "tangent", "lowQ", "highQ", "lowV", "highV", "lowP", "highP", "highI", "Pref0", "Qext0", "by_speed",
 )  # fmt: skip
-_PORTS = ("Ipcmd", "Iqcmd", "Pref0", "Qext0", "Pord")
+_PORTS = ("Ipcmd", "Iqcmd", "Pref0", "Qext0", "Pord", "dip", "by_speed")
 _RULES = ("Vdip < Vup", "Qmin <= Qmax", "Vmin <= Vmax", "Pmin <= Pmax", "Iql1 <= Iqh1", "dPmin < dPmax")
 
 REECA1 = Part(

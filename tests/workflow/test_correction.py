@@ -1,0 +1,95 @@
+"""From a DYR and a recording to the corrected DYR."""
+
+import numpy as np
+import pytest
+
+from errorscreen.cases import load_case
+from errorscreen.events import Playback
+from errorscreen.models.dyr import read_dyr
+from errorscreen.simulators import PlantSimulator
+from errorscreen.workflow import Study, run_study, write_outputs
+
+DYR = """// unit 1 of the plant
+101 'GENROU' 1  6.0 0.04 0.8 0.06 {H} 0.0 1.8 1.7 0.3 0.5 0.22 0.15 0.0 0.0 /
+101 'TGOV1'  1  0.05 0.3 1.0 0.0 2.0 7.0 0.0 /   tested in spring
+"""
+CASE = """
+title = "Unit 1"
+[recording]
+path = "event.csv"
+time = "t"
+base_mva = 100.0
+f_nominal = 60.0
+event_time = 1.0
+columns = {V = {column = "V", unit = "pu"}, angle = {column = "angle", unit = "rad"},
+  P = {column = "P", unit = "pu"}, Q = {column = "Q", unit = "pu"}}
+[device]
+dyr = "unit.dyr"
+[discovery]
+enabled = false
+[screening]
+methods = ["sensitivity"]
+top_k = 3
+[calibration]
+methods = ["map"]
+library = 64
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A file with H = 3.2 s, and a recording of a unit with 4 s, simulated with half the step."""
+    folder = tmp_path_factory.mktemp("unit")
+    (folder / "truth.dyr").write_text(DYR.format(H="4.0"))
+    (folder / "unit.dyr").write_text(DYR.format(H="3.2"))
+    (folder / "case.toml").write_text(CASE.replace(",\n  ", ", "))
+    time = np.arange(0.0, 6.0, 0.01)
+    after = np.clip(time - 1.0, 0.0, None)
+    signals = {
+        "V": 1.0 - 0.3 * ((time > 1.0) & (time < 1.12)) - 0.03 * (1 - np.exp(-after)),
+        "angle": -0.2 * (1 - np.exp(-2 * after)),
+    }
+    event = Playback(time, "dip", 1.0, signals, {"V": 1.0, "P": 0.7, "Q": 0.1})
+    truth = PlantSimulator(read_dyr(folder / "truth.dyr").unit(), event, step=0.00125)
+    P, Q = truth.simulate(truth.parameters.nominal).require_ok().values[0]
+    rng = np.random.default_rng(5)
+    columns = [time, signals["V"], signals["angle"], P, Q]
+    columns[1:] = [one + rng.normal(0, 5e-4, len(time)) for one in columns[1:]]
+    np.savetxt(
+        folder / "event.csv", np.column_stack(columns), "%.7g", ",", header="t,V,angle,P,Q", comments=""
+    )
+    return folder
+
+
+@pytest.fixture(scope="module")
+def outcome(folder):
+    return run_study(Study.from_case(load_case(folder / "case.toml")), folder / "out")
+
+
+def test_the_wrong_number_alone_is_named_with_an_interval_that_holds(outcome):
+    assert outcome.result.diagnosis.final.kind == "parameters"
+    (moved,) = outcome.result.correction.parameters
+    assert moved.name == "GENROU.H"
+    assert moved.low < 4.0 < moved.high
+    assert moved.high - moved.low < 0.2
+    assert outcome.result.correction.chi2_per_sample < 1.3 < outcome.result.correction.before
+
+
+def test_the_written_file_differs_in_that_number_only(outcome, folder):
+    written = write_outputs(outcome, folder / "out")[-1]
+    lines, old = (path.read_text().splitlines() for path in (written, folder / "unit.dyr"))
+    assert [n for n, (a, b) in enumerate(zip(lines, old, strict=True)) if a != b] == [1]
+    assert lines[2].endswith("/   tested in spring")
+    assert read_dyr(written).unit().candidates["GENROU.H"].nominal == pytest.approx(4.0, abs=0.1)
+
+
+def test_the_report_shows_the_difference(outcome, folder):
+    report = write_outputs(outcome, folder / "out")[1].read_text(encoding="utf-8")
+    assert "What to change in the model file" in report
+    assert "calibrated.dyr" in report
+    assert "-101 &#39;GENROU&#39;" in report or "-101 'GENROU'" in report
+
+
+def test_a_second_run_takes_the_correction_over(outcome, folder):
+    again = run_study(Study.from_case(load_case(folder / "case.toml")), folder / "out")
+    assert again.result.correction == outcome.result.correction
