@@ -11,6 +11,8 @@ SAYS = {
     "plot_quickstart": "Values of the parameters reproduce the recording",
     "plot_grid_search": "overlap of the five largest",
     "plot_ieee39_grid_search": "| mean contribution (blind) |",
+    "plot_dyr": "GENROU.H",
+    "plot_dyr_renewable": "REPCA1.Ki",
     "plot_own_simulator": "Values of the parameters reproduce the recording",
     "plot_effect": "exciter.K",
     "plot_fmu": "Clock skew of y",

@@ -98,6 +98,8 @@ class Device:
         Where the equations come from.
     grid : GridInterface, optional
         How the device is connected to a simulated grid; without it, it can only be played back.
+    recordable : mapping of str to str
+        Channels that are compared where they were recorded, beside P and Q, and their quantities.
     tags : tuple of str
         What effects may ask for beside the name, for example ``"without exciter"``.
     """
@@ -114,6 +116,7 @@ class Device:
     needs_angle: bool
     source: str
     grid: GridInterface | None = None
+    recordable: Mapping[str, str] = field(default_factory=dict)
     tags: tuple[str, ...] = ()
 
     inputs = ("Vr", "Vi")

@@ -123,6 +123,8 @@ NULL_PARTS = {
         ),
     )
 }  # fmt: skip
+#: channels of a synchronous unit that may be recorded beside P and Q, in pu, and their quantities
+MACHINE_CHANNELS = {"Efd": "Efd", "If": "If", "Pm": "Pm", "speed": "omega"}
 #: ports of a synchronous unit at which effects may act
 MACHINE_PORTS = {
     "Efd": "field voltage in pu",
@@ -130,7 +132,7 @@ MACHINE_PORTS = {
     "Vs": "signal of the stabiliser in pu",
     "Vc": "voltage that the exciter controls, in pu",
 }
-#: those of a converter unit
+#: ports of a converter unit
 CONVERTER_PORTS = {
     "Pref": "reference of the active power in pu",
     "Qext": "reference of the reactive power in pu",
@@ -265,6 +267,7 @@ def unit(records: Sequence[Record], *, name: str = "") -> Device:
         needs_angle=True,
         grid=_behind_impedance(frame) if of_machine and "Xpp" in frame.own else None,
         source="; ".join(slots[slot].part.source for slot in family if slot in slots),
+        recordable=MACHINE_CHANNELS if family[0] == "machine" else {},
         tags=tuple(_tags(family, slots)),
     )
 

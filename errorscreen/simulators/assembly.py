@@ -34,12 +34,14 @@ def assemble(
     effects: Iterable[Effect],
     behind_impedance: bool = False,
     point: Equations | None = None,
+    further: Iterable[str] = (),
 ) -> Model:
     """Model of a device at a terminal, with effects compiled in, each behind the equations of its port, in order.
 
     With `behind_impedance` the inputs ``Er``, ``Ei`` are the voltage behind ``R_grid`` + j ``X_grid``: (G1) to (G5) of
     `errorscreen.power.elimination` for one unit. Equations of a `point` give its outputs from ``Er``, ``Ei``, ``Ir``,
-    ``Ii`` instead of the terminal's. `InputError` for a port or quantity that the device does not have.
+    ``Ii`` instead of the terminal's. `further` channels of the device are recorded, too. `InputError` for a port or
+    quantity that the device does not have.
     """
     effects = check_ports(device, effects)
     inputs, states = device.inputs, device.states
@@ -64,7 +66,11 @@ def assemble(
         constants = (*constants, *(name for name in reads_of(point) if name not in ("Er", "Ei", "Ir", "Ii")))
         calls.append(replace(_call(point), recorded=True))
         measured = writes_of(point)
-    for name, output in zip(device.outputs, measured, strict=True):
+    channels = {
+        **dict(zip(device.outputs, measured, strict=True)),
+        **{n: device.recordable[n] for n in further},
+    }
+    for name, output in channels.items():
         calls.append(Call(channel, (output,), (f"channel.{name}",), recorded=True))
     return Model(
         name=device.name,
@@ -72,7 +78,7 @@ def assemble(
         states=(*states, *effect_states(effects)),
         constants=(*constants, *effect_constants(effects)),
         calls=tuple(calls),
-        outputs=tuple(f"channel.{name}" for name in device.outputs),
+        outputs=tuple(f"channel.{name}" for name in channels),
         gated=gates(effects),
     )
 

@@ -15,7 +15,7 @@ from errorscreen.simulators import PlantSimulator
 
 HERE = Path(__file__).parent
 #: samples a second, and how many steps of the simulation between them
-RATE, FINE = 60, 40
+RATE, FINE = 100, 25
 START, STOP = 1.0, 7.0
 #: file: base in MVA, what is true, and powers before the event in pu
 UNITS = {

@@ -128,3 +128,21 @@ def test_a_unit_is_no_part_of_a_simulated_grid(plant):
 
     with pytest.raises(InputError, match="cannot be connected to a grid"):
         Unit(38, plant.device, 100.0)
+
+
+def test_recorded_field_voltage_and_speed_are_compared(plant):
+    from errorscreen.data.recordings import Recording
+
+    P, Q = plant.simulate(plant.parameters.nominal).values[0]
+    rng = np.random.default_rng(1)
+    states = plant.trajectories(plant.parameters.nominal[None], plant.event)
+    signals = {**plant.event.signals, "P": P, "Q": Q, "speed": states["omega"], "Efd": states["SEXS.E"]}
+    values = {name: one + rng.normal(0, 1e-4, len(TIME)) for name, one in signals.items()}
+    recording = Recording.from_arrays(TIME, values, base_mva=100.0, f_nominal=60.0, event_time=1.0)
+    both = PlantSimulator(plant.device, recording)
+    assert both.channels == ("P", "Q", "Efd", "speed")
+    seen = both.observe(recording)
+    found = both.simulate(both.parameters.nominal, seen.event).require_ok().values[0]
+    assert np.abs(found - seen.values)[:, TIME < 1.0].max() < 2e-3
+    assert np.sqrt(np.mean((found - seen.values) ** 2, axis=1)).max() < 2e-2
+    assert np.ptp(found[2]) > 0.05

@@ -98,7 +98,7 @@ _TABLES = "".join(
     for k, (voltage, current) in enumerate(((0.0, 1.2), (0.5, 1.2), (0.9, 1.2), (1.2, 1.2)), 1)
 )
 #: stands for no limit; the voltage that divides is at least `_V_MIN`
-_NONE, _V_MIN = 1e6, 0.01
+NONE, _V_MIN = 1e6, 0.01
 
 
 @register_jitable
@@ -114,7 +114,7 @@ def dead_band_between(x: Any, lower: Any, upper: Any) -> Any:
 
 
 @register_jitable
-def _next(y: Any, more: Any, x: Any, x1: Any, y1: Any, x2: Any, y2: Any) -> Any:
+def next_point(y: Any, more: Any, x: Any, x1: Any, y1: Any, x2: Any, y2: Any) -> Any:
     """Line to the next point of a table, and whether the table goes on."""
     more = more & (x2 > x1)
     share = clip((x - x1) / select(x2 > x1, x2 - x1, 1.0), 0.0, 1.0)
@@ -129,14 +129,14 @@ def four_points(x: Any, x1: Any, y1: Any, x2: Any, y2: Any, x3: Any, y3: Any, x4
     --------
     >>> [round(float(four_points(x, 0.0, 1.0, 0.5, 1.0, 1.0, 2.0, 0.0, 0.0)), 12) for x in (-1.0, 0.75, 3.0)]
     [1.0, 1.5, 2.0]
-    >>> float(four_points(0.7, *8 * [0.0])) == _NONE
+    >>> float(four_points(0.7, *8 * [0.0])) == NONE
     True
     """
-    y, more = _next(y1, x2 > x1, x, x1, y1, x2, y2)
-    y, more = _next(y, more, x, x2, y2, x3, y3)
-    y, more = _next(y, more, x, x3, y3, x4, y4)
+    y, more = next_point(y1, x2 > x1, x, x1, y1, x2, y2)
+    y, more = next_point(y, more, x, x2, y2, x3, y3)
+    y, more = next_point(y, more, x, x3, y3, x4, y4)
     none = (x1 == 0.0) & (x2 == 0.0) & (y1 == 0.0) & (y2 == 0.0)
-    return select(none, _NONE, y)
+    return select(none, NONE, y)
 
 
 @register_jitable
@@ -182,7 +182,7 @@ def dip_logic(
 def no_dip_logic(Iqv: Any) -> Any:
     """Injection of REECB1, which has no tables and holds nothing."""
     none = 0.0 * Iqv
-    return Iqv, none + _NONE, none + _NONE, none, none
+    return Iqv, none + NONE, none + NONE, none, none
 
 
 @stage("d_Pord")
@@ -238,8 +238,10 @@ def memory(dip: Any, Ipmax: Any, ceiling: Any, shortest: Any) -> Any:
     return (select(dip > 0.0, (Ipmax - ceiling) / shortest, 0.0),)
 
 
-def _starting(v: Values, Vref1: Any, always: bool) -> tuple[Values, Values, tuple[Limit, ...]]:
-    """Equilibrium at the currents of the converter."""
+def starting(
+    v: Values, controlled: Any, Vref1: Any, always: bool
+) -> tuple[Values, Values, tuple[Limit, ...]]:
+    """Equilibrium at the currents of the converter and the voltage that QFLAG controls."""
     V, Ip, Iq = v["V"], v["Ip0"], v["Iq0"]
     Vref = np.where(v["Vref0"] == 0, V, v["Vref0"])
     Iqv = injection(V, Vref, v["dbd1"], v["dbd2"], v["Kqv"], v["Iqh1"], v["Iql1"])
@@ -247,14 +249,14 @@ def _starting(v: Values, Vref1: Any, always: bool) -> tuple[Values, Values, tupl
     base, Pord = Iq - injected, Ip * V
     inner = v["QFLAG"] == 1
     outer = inner & (v["VFLAG"] == 1)
-    Qref = np.where(outer, v["Q"], np.where(inner, V - Vref1, base * V))
+    Qref = np.where(outer, v["Q"], np.where(inner, controlled - Vref1, base * V))
     size = np.abs(v["P"]) > 1e-6
     tangent = np.where(size, Qref / np.where(size, v["P"], 1.0), 0.0)
     lowQ, highQ = holding(Qref, v["Qmin"], v["Qmax"])
-    lowV, highV = holding(V, v["Vmin"], v["Vmax"])
+    lowV, highV = holding(controlled, v["Vmin"], v["Vmax"])
     lowP, highP = holding(Pord, v["Pmin"], v["Pmax"])
     current = np.hypot(Ip, Iq)
-    states = {"Vf": V, "Pf": v["P"], "xq": V, "xv": base, "xi": base, "Pord": Pord}
+    states = {"Vf": V, "Pf": v["P"], "xq": controlled, "xv": base, "xi": base, "Pord": Pord}
     setpoints = {
         "Vref": Vref, "tangent": tangent, "lowQ": lowQ, "highQ": highQ, "lowV": lowV, "highV": highV, "lowP": lowP,
         "highP": highP, "highI": np.maximum(current * (1 + 1e-9), v["Imax"]), "Pref0": Pord, "Qext0": Qref,
@@ -263,7 +265,7 @@ def _starting(v: Values, Vref1: Any, always: bool) -> tuple[Values, Values, tupl
         Limit("power", Pord, v["Pmin"], v["Pmax"], ("Pmin", "Pmax")),
         Limit("current", current, 0.0, v["Imax"], ("", "Imax")),
         Limit("reactive power", np.where(outer, Qref, v["Qmin"]), v["Qmin"], v["Qmax"], ("Qmin", "Qmax")),
-        Limit("voltage", np.where(inner, V, v["Vmin"]), v["Vmin"], v["Vmax"], ("Vmin", "Vmax")),
+        Limit("voltage", np.where(inner, controlled, v["Vmin"]), v["Vmin"], v["Vmax"], ("Vmin", "Vmax")),
     )
     return states, setpoints, limits
 
@@ -274,7 +276,7 @@ def _points(v: Values, axis: str) -> Any:
 
 def start_a(v: Values) -> Start:
     """Equilibrium of REECA1."""
-    states, setpoints, limits = _starting(v, v["Vref1"], always=False)
+    states, setpoints, limits = starting(v, v["V"], v["Vref1"], always=False)
     Iq, Ip = np.abs(v["Iq0"]), v["Ip0"]
     table_q, table_p = _points(v, "q"), _points(v, "p")
     more = {"more_q": np.maximum(Iq - table_q, 0.0), "more_p": np.maximum(Ip - table_p, 0.0)}
@@ -282,24 +284,24 @@ def start_a(v: Values) -> Start:
     states |= {"clock": zero, "clock2": zero, "ceiling": Ip}
     limits += (
         Limit("reactive current", Iq, 0.0, table_q, ("", "Iq")),
-        Limit("active current", Ip, -_NONE, table_p, ("", "Ip")),
+        Limit("active current", Ip, -NONE, table_p, ("", "Ip")),
     )
     return Start(states, {**setpoints, **more, "by_speed": v["PFLAG"]}, limits)
 
 
 def start_b(v: Values) -> Start:
     """Equilibrium of REECB1, whose reference of voltage has no bias, and whose order of power no speed."""
-    states, setpoints, limits = _starting(v, 0.0, always=True)
+    states, setpoints, limits = starting(v, v["V"], 0.0, always=True)
     none = np.zeros_like(v["V"])
     return Start(states, {**setpoints, "Vref1": none, "PFLAG": none, "by_speed": none}, limits)
 
 
-_STATES = ("Vf", "Pf", "xq", "xv", "xi", "Pord")
-_SETPOINTS = (
+STATES = ("Vf", "Pf", "xq", "xv", "xi", "Pord")
+SETPOINTS = (
     "Vref", "tangent", "lowQ", "highQ", "lowV", "highV", "lowP", "highP", "highI", "Pref0", "Qext0", "by_speed",
 )  # fmt: skip
-_PORTS = ("Ipcmd", "Iqcmd", "Pref0", "Qext0", "Pord", "dip", "by_speed")
-_RULES = ("Vdip < Vup", "Qmin <= Qmax", "Vmin <= Vmax", "Pmin <= Pmax", "Iql1 <= Iqh1", "dPmin < dPmax")
+PORTS = ("Ipcmd", "Iqcmd", "Pref0", "Qext0", "Pord", "dip", "by_speed")
+RULES = ("Vdip < Vup", "Qmin <= Qmax", "Vmin <= Vmax", "Pmin <= Pmax", "Iql1 <= Iqh1", "dPmin < dPmax")
 
 REECA1 = Part(
     name="REECA1",
@@ -307,11 +309,11 @@ REECA1 = Part(
     title="Electrical control with tables of current limits",
     fields=record(_FLAGS + _PFLAG + _DIP + _HOLD + _CONTROL + _BIAS + _ORDER + _TABLES),
     stages=(measurement, dip_logic, power_order, currents, memory),
-    ports=_PORTS,
-    states=(*_STATES, "clock", "clock2", "ceiling"),
-    setpoints=(*_SETPOINTS, "more_q", "more_p"),
+    ports=PORTS,
+    states=(*STATES, "clock", "clock2", "ceiling"),
+    setpoints=(*SETPOINTS, "more_q", "more_p"),
     start=start_a,
-    rules=_RULES,
+    rules=RULES,
     formula="(1) to (7)",
     source="WECC REEC_A; PSS/E model library, REECA1",
     aliases=("REECAU1",),
@@ -322,11 +324,11 @@ REECB1 = Part(
     title="Electrical control of a photovoltaic plant",
     fields=record(_FLAGS + _DIP + _CONTROL + _ORDER),
     stages=(measurement, no_dip_logic, power_order, currents),
-    ports=_PORTS,
-    states=_STATES,
-    setpoints=(*_SETPOINTS, "Vref1", "PFLAG"),
+    ports=PORTS,
+    states=STATES,
+    setpoints=(*SETPOINTS, "Vref1", "PFLAG"),
     start=start_b,
-    rules=_RULES,
+    rules=RULES,
     formula="(1) to (7)",
     source="WECC REEC_B; PSS/E model library, REECB1",
     checked="PSS/E (three buses)",

@@ -79,7 +79,7 @@ def torque_integral(integral: Any, dip: Any) -> Any:
 
 
 def start_torque(v: Values) -> Start:
-    """Equilibrium at the power of the start: its speed, and the torque of the order that the electrical control needs."""
+    """Equilibrium at the power of the start: its speed, and the torque that the electrical control needs."""
     P = v["P"] + 0.0 * v["p1"]
     w = four_points(P, *(v[f"{quantity}{k}"] for k in range(1, 5) for quantity in ("p", "spd")))
     torque = v["Pref0"] / (w * np.where(v["by_speed"] == 1, w, 1.0))
@@ -224,7 +224,17 @@ WTARA1 = Part(
 
 @stage("d_wt", "d_wg", "d_Ts")
 def drive_train(
-    Pm: Any, P: Any, wt: Any, wg: Any, Ts: Any, wg0: Any, H: Any, DAMP: Any, Htfrac: Any, Freq1: Any, Dshaft: Any
+    Pm: Any,
+    P: Any,
+    wt: Any,
+    wg: Any,
+    Ts: Any,
+    wg0: Any,
+    H: Any,
+    DAMP: Any,
+    Htfrac: Any,
+    Freq1: Any,
+    Dshaft: Any,
 ) -> Any:
     """Two masses and the shaft between them, or one mass, (6) to (8)."""
     two = (Htfrac > 0.0) & (Htfrac < 1.0)

@@ -54,7 +54,8 @@ class PlantSimulator(Simulator):
     constants : mapping of str to float, optional
         Values of the device's other constants. The nominal frequency ``f0`` is that of the recording.
     channels : iterable of str, optional
-        Of ``"P"``, ``"Q"``; the recorded ones where not given.
+        Of ``"P"``, ``"Q"`` and what the device can record beside them (`Device.recordable`), in pu; those of them that
+        were recorded where not given.
     step : float
         Longest step of the integration in seconds; the step used divides the step of the time axis.
     dt : float, optional
@@ -153,8 +154,11 @@ class PlantSimulator(Simulator):
         self.operating_point = dict(operating_point or {})
         self._recent, self._observed = Recent(), Recent()
         point = None if connection is None else point_power
-        self._engine = new_engine(engine, assembly.assemble(device, self.effects, inside, point), n_threads)
-        self.channels = _channels(recording, channels, device.outputs)
+        self.channels = _channels(recording, channels, device)
+        further = [name for name in self.channels if name in device.recordable]
+        self._outputs = (*device.outputs, *further)
+        model = assembly.assemble(device, self.effects, inside, point, further)
+        self._engine = new_engine(engine, model, n_threads)
         self.units = ("pu",) * len(self.channels)
         if not isinstance(recording, Playback | Observation):  # the event does not depend on uncertainty
             recording = self._without_uncertainty(check_recording(recording))
@@ -237,13 +241,13 @@ class PlantSimulator(Simulator):
         if len(start) and start.all():
             out = self._engine.integrate(x0, constants, injected, h=h, every=record)
         else:
-            out = np.full((len(theta), len(self.device.outputs), steps // record + 1), np.nan)
+            out = np.full((len(theta), len(self._outputs), steps // record + 1), np.nan)
             if start.any():
                 out[start] = self._engine.integrate(x0[start], constants[start], injected, h=h, every=record)
         if distorted:
-            out = assembly.measured(out, self.device.outputs, acting, values, h)[..., ::every]
+            out = assembly.measured(out, self._outputs, acting, values, h)[..., ::every]
         status = assembly.statuses(out, _PLAUSIBLE, start)
-        rows = [self.device.outputs.index(name) for name in self.channels]
+        rows = [self._outputs.index(name) for name in self.channels]
         detail = "" if start.all() else "; ".join(self._problems(values, int(np.argmin(start))))
         return Responses(out[:, rows], status, event.time, self.channels, detail)
 
@@ -379,14 +383,15 @@ def _with_frequency(
     return {**values, "f0": recording.f_nominal}
 
 
-def _channels(recording: Any, channels: Iterable[str] | None, outputs: tuple[str, ...]) -> tuple[str, ...]:
+def _channels(recording: Any, channels: Iterable[str] | None, device: Device) -> tuple[str, ...]:
+    outputs = (*device.outputs, *device.recordable)
     if channels is not None:
         channels = tuple(channels)
         for name in channels:
             if name not in outputs:
                 raise unknown_name(name, outputs, kind="channel", where="PlantSimulator")
     elif isinstance(recording, Playback):
-        channels = outputs
+        channels = device.outputs
     elif isinstance(recording, Observation):
         channels = recording.channels
     else:
