@@ -64,6 +64,8 @@ NAMES = ("time", "V", "angle", "P", "Q")
 #: fault and its clearing, between two samples, and end of the simulation in s
 FAULT, CLEARING, END = 1.0 + 1 / 240, 1.1 + 1 / 240, 12.0
 STEP, SAMPLE = 1 / 960, 1 / 120
+#: rest in front of the simulation in s: its noise has to show how noise of the voltage passes through the unit
+LEAD = 4.0
 #: signal to noise in dB
 SNR = 40.0
 F_NOMINAL, BASE = 60.0, 100.0
@@ -157,7 +159,7 @@ def recording_of(folder, case, seed):
     from errorscreen.data.recordings import Recording
 
     rows = np.loadtxt(folder / f"{case}.csv", delimiter=",", skiprows=1)
-    time = np.arange(0.0, END, SAMPLE)
+    time = np.arange(-LEAD, END, SAMPLE)
     rng = np.random.default_rng([seed, list(CASES).index(case)])
     channels = {}
     for name, column in zip(NAMES[1:], rows.T[1:], strict=True):

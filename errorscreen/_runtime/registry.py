@@ -11,7 +11,7 @@ from typing import Any, Generic, TypeVar
 from errorscreen.exceptions import InputError, unknown_name
 
 #: groups of entry points, behind ``errorscreen.``
-_ROOMS = ("devices", "effects", "readers", "screeners", "calibrators")
+_ROOMS = ("devices", "parts", "effects", "readers", "screeners", "calibrators")
 T = TypeVar("T")
 _log = logging.getLogger(__name__)
 

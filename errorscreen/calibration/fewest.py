@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2 as chi2_distribution
 
 from errorscreen.calibration.map import MAPCalibrator
 from errorscreen.calibration.problem import FitProblem
@@ -17,6 +18,8 @@ from errorscreen.simulators.base import Simulator
 _SCANNED = 7
 #: fits of each size, of the most promising further parameters
 _TRIED = 6
+#: probability that noise alone exceeds the limit for χ²
+_CHANCE = 0.01
 
 
 def fewest_parameters(
@@ -26,12 +29,13 @@ def fewest_parameters(
     *,
     most: int = 6,
     factor: float = 1.0,
+    enough: float | None = None,
     **options: Any,
 ) -> MAPCalibrator | None:
     r"""Calibrate the fewest parameters that reproduce the recordings; the others keep their nominal values.
 
     Forward selection: to the parameters so far, each other one is added at the best of several values over its range,
-    and the most promising ones are fitted. The best stays. The selection ends where
+    and the most promising ones are fitted. The best stays. The selection ends where noise explains the rest, or where
 
     .. math:: \mathrm{BIC} = \chi^2 + k\,\ln N
 
@@ -48,6 +52,8 @@ def fewest_parameters(
     factor : float, default 1
         Each parameter must lower χ² by this factor. Where the form of a model leaves an error, further parameters make
         up for it bit by bit; what is wrong lowers it by far.
+    enough : float, optional
+        χ²/N at which the selection ends; what noise alone exceeds with a probability of 1 % where not given.
     **options
         Options of `MAPCalibrator`, for example ``prior_scale`` or ``level``.
 
@@ -73,7 +79,8 @@ def fewest_parameters(
     chi2 = float(np.nan_to_num(problem.chi_square(nominal)[0], nan=np.inf))
     best: MAPCalibrator | None = None
     score = chi2
-    while best is None or len(best.names_) < most:
+    limit = chi2_distribution.isf(_CHANCE, problem.n_values) if enough is None else enough * problem.n_values
+    while chi2 > limit and (best is None or (len(best.names_) < most and best.chi2_ > limit)):
         grown = _best_fit(problem, () if best is None else tuple(best.names_), best, options)
         if grown is None or not grown.chi2_ + price * len(grown.names_) < score:
             break

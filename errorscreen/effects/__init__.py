@@ -70,6 +70,8 @@ EFFECTS: Registry[Effect] = Registry(
         "latent_Qcmd": latent_input("Qcmd", 1.0, devices=("dfig_plant",)),
         "latent_Iq_cmd": latent_input("Iq_cmd", 1.0, devices=("pv_plant",)),
         "latent_Qref": latent_input("Qref", 1.0, devices=("pv_plant",)),
+        "latent_Ipcmd": latent_input("Ipcmd", 1.0, devices=("converter unit",)),
+        "latent_Iqcmd": latent_input("Iqcmd", 1.0, devices=("converter unit",)),
         "latent_dP": latent_input("dP", 0.5, devices=("load",)),
         "latent_dQ": latent_input("dQ", 0.5, devices=("load",)),
     },

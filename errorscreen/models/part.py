@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from errorscreen.engine.stages import Call, Equations, reads_of, writes_of
 from errorscreen.exceptions import InputError
-from errorscreen.parameters import Parameter
+from errorscreen.parameters import DOMAINS, Parameter
 
 Values = dict[str, NDArray[np.float64]]
 
@@ -93,7 +93,7 @@ class Field:
         lower, upper = min(self.lower, value - 0.3 * abs(value)), max(self.upper, value + 0.3 * abs(value))
         return Parameter(
             f"{prefix}.{self.name}", value, lower, upper, self.unit, prefix, self.symbol, self.description,
-            scale=abs(value) or upper - lower,
+            scale=abs(value) or upper - lower, domain=self.allowed if self.allowed in DOMAINS else "",
         )  # fmt: skip
 
 

@@ -21,6 +21,8 @@ _FLAT = 100.0
 #: factor on χ² of a value that is wrong beside something unknown; parameters that make up for a wrong form of a model
 #: lower it by 1.2 to 1.7 each
 _BY_FAR = 2.0
+#: χ² over that of all parameters together at which a few are as good
+_AS_WELL = 1.1
 
 
 def correction_of(study: Study, diagnosis: Diagnosis) -> Correction | None:
@@ -38,6 +40,7 @@ def correction_of(study: Study, diagnosis: Diagnosis) -> Correction | None:
         simulator,
         list(study.searched),
         factor=_BY_FAR if kind == "unknown" else 1.0,
+        enough=_AS_WELL * max(1.0, diagnosis.calibration.chi2_per_sample),
         prior_scale=_FLAT,
         level=study.calibration.level,
     )

@@ -19,7 +19,6 @@ from errorscreen.engine.kernels import new_engine
 from errorscreen.events import Event, Playback
 from errorscreen.exceptions import InputError, unknown_name
 from errorscreen.models import DEVICES, Device
-from errorscreen.models.device import Values
 from errorscreen.models.unit import SHORTEST
 from errorscreen.models.unit_start import UnitStart
 from errorscreen.parameters import ParameterSpace
@@ -248,7 +247,9 @@ class PlantSimulator(Simulator):
             out = assembly.measured(out, self._outputs, acting, values, h)[..., ::every]
         status = assembly.statuses(out, _PLAUSIBLE, start)
         rows = [self._outputs.index(name) for name in self.channels]
-        detail = "" if start.all() else "; ".join(self._problems(values, int(np.argmin(start))))
+        detail, equilibrium = "", self.device.initialise
+        if not start.all() and isinstance(equilibrium, UnitStart):
+            detail = "; ".join(equilibrium.problems(values, int(np.argmin(start))))
         return Responses(out[:, rows], status, event.time, self.channels, detail)
 
     def trajectories(
@@ -285,11 +286,6 @@ class PlantSimulator(Simulator):
         }
         values |= assembly.start_effects(assembly.inside(self.effects), values, lambda effect: values, h)
         return *assembly.starting(self._engine.model, values, feasible, len(theta)), values, h, every
-
-    def _problems(self, values: Values, row: int) -> list[str]:
-        """Why a row has no equilibrium, where its device can tell."""
-        start = self.device.initialise
-        return start.problems(values, row) if isinstance(start, UnitStart) else []
 
     def _injected(self, event: Playback, every: int, *between: Any) -> NDArray[np.float64]:
 
