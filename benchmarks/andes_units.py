@@ -1,8 +1,9 @@
 """Parts left out of units that another program, ANDES, simulated: renews a table of ``docs/studies``.
 
 ``python benchmarks/andes_units.py --make FOLDER`` simulates the units, and needs ANDES but not errorscreen. ``--check
-FOLDER`` compares the whole units with it in playback. ``--search FOLDER [CASE ...] [--seed N]`` searches the whole units
-and those without their last part, a line of ``FOLDER/results.jsonl`` for each search; finished ones are not repeated.
+FOLDER`` compares the whole units with it in playback. ``--search FOLDER [CASE ...] [--seed N]`` searches the whole
+units and those without their last part, a line of ``FOLDER/results.jsonl`` for each search; finished ones are not
+repeated.
 """
 
 import argparse
@@ -14,7 +15,10 @@ import numpy as np
 
 #: mechanical power in pu
 POWER = 0.75
-#: records by the names that errorscreen gives the constants. HYGOV of ANDES leaves the factor r Tr out, so it is 1 here.
+#: rating of the source in units, and where a governor is left out: behind a strong source the speed is back at once,
+#: and a governor looks like damping
+STRONG, WEAK = 20.0, 3.0
+#: records by the names that errorscreen gives the constants. HYGOV of ANDES leaves the factor r Tr out: it is 1 here.
 RECORDS = {
     "GENROU": {
         "Tpdo": 6.5, "Tppdo": 0.035, "Tpqo": 0.6, "Tppqo": 0.06, "H": 4.0, "D": 0.75, "Xd": 1.8, "Xq": 1.7, "Xpd": 0.3,
@@ -22,13 +26,13 @@ RECORDS = {
     },
     "SEXS": {"TA_TB": 0.1, "TB": 10.0, "K": 100.0, "TE": 0.1, "EMIN": 0.0, "EMAX": 5.0},
     "ESST4B": {
-        "TR": 0.02, "KPR": 3.0, "KIR": 3.0, "VRMAX": 3.0, "VRMIN": -3.0, "TA": 0.01, "KPM": 1.0, "KIM": 0.0, "VMMAX": 3.0,
-        "VMMIN": -3.0, "KG": 0.0, "KP": 6.7, "KI": 0.0, "VBMAX": 8.4, "KC": 0.1, "XL": 0.0, "THETAP": 0.0,
+        "TR": 0.02, "KPR": 3.0, "KIR": 3.0, "VRMAX": 3.0, "VRMIN": -3.0, "TA": 0.01, "KPM": 1.0, "KIM": 0.0,
+        "VMMAX": 3.0, "VMMIN": -3.0, "KG": 0.0, "KP": 6.7, "KI": 0.0, "VBMAX": 8.4, "KC": 0.1, "XL": 0.0, "THETAP": 0.0,
     },
     "TGOV1": {"R": 0.05, "T1": 0.3, "VMAX": 1.2, "VMIN": 0.0, "T2": 2.0, "T3": 7.0, "Dt": 0.0},
     "HYGOV": {
-        "R": 0.05, "r": 0.4, "Tr": 2.5, "Tf": 0.05, "Tg": 0.3, "VELM": 0.5, "GMAX": 1.0, "GMIN": 0.0, "TW": 1.2, "At": 1.2,
-        "Dturb": 0.0, "qNL": 0.08,
+        "R": 0.05, "r": 0.4, "Tr": 2.5, "Tf": 0.05, "Tg": 0.3, "VELM": 0.5, "GMAX": 1.0, "GMIN": 0.0, "TW": 1.2,
+        "At": 1.2, "Dturb": 0.0, "qNL": 0.08,
     },
     "IEEEG1": {
         "JBUS": 0, "M": 0, "K": 20.0, "T1": 0.15, "T2": 0.0, "T3": 0.2, "UO": 0.3, "UC": -0.5, "PMAX": 1.0, "PMIN": 0.0,
@@ -43,8 +47,8 @@ RECORDS = {
 #: names in ANDES where they differ; None: not there
 RENAMED = {
     "GENROU": {
-        "Tpdo": "Td10", "Tppdo": "Td20", "Tpqo": "Tq10", "Tppqo": "Tq20", "H": None, "Xd": "xd", "Xq": "xq", "Xpd": "xd1",
-        "Xpq": "xq1", "Xpp": "xd2", "Xl": "xl",
+        "Tpdo": "Td10", "Tppdo": "Td20", "Tpqo": "Tq10", "Tppqo": "Tq20", "H": None, "Xd": "xd", "Xq": "xq",
+        "Xpd": "xd1", "Xpq": "xq1", "Xpp": "xd2", "Xl": "xl",
     },
     "SEXS": {"TA_TB": "TATB"},
     "HYGOV": {"TW": "Tw", "Dturb": "Dt"},
@@ -71,7 +75,7 @@ SNR = 40.0
 F_NOMINAL, BASE = 60.0, 100.0
 
 
-def simulate(models):
+def simulate(models, source):
     """Terminal of a unit in ANDES at each step, columns as `NAMES`; two rows with one stamp are a jump."""
     import andes
 
@@ -83,9 +87,9 @@ def simulate(models):
     line = {"b": 0.0, "Sn": BASE, "Vn2": 230.0}
     system.add("Line", {"idx": "transformer", "bus1": 1, "bus2": 2, "r": 0.0, "x": 0.12, "Vn1": 20.0, **line})
     system.add("Line", {"idx": "line", "bus1": 2, "bus2": 3, "r": 0.01, "x": 0.25, "Vn1": 230.0, **line})
-    system.add("Slack", {"idx": "slack", "bus": 3, "v0": 1.0, "Vn": 230.0, "Sn": 20 * BASE})
+    system.add("Slack", {"idx": "slack", "bus": 3, "v0": 1.0, "Vn": 230.0, "Sn": source * BASE})
     system.add("PV", {"idx": "set", "bus": 1, "p0": POWER, "v0": 1.02, "Vn": 20.0, "Sn": BASE})
-    rated = {"fn": F_NOMINAL, "Vn": 230.0, "Sn": 20 * BASE}
+    rated = {"fn": F_NOMINAL, "Vn": 230.0, "Sn": source * BASE}
     system.add(
         "GENCLS", {"idx": "source", "bus": 3, "gen": "slack", "M": 10.0, "D": 0.0, "xd1": 0.2, **rated}
     )
@@ -120,7 +124,8 @@ def make(folder):
     for case, models in CASES.items():
         path = folder / f"{case}.csv"
         if not path.exists():
-            np.savetxt(path, simulate(models), "%.10g", delimiter=",", header=",".join(NAMES), comments="")
+            rows = simulate(models, WEAK if models[-1] in ("TGOV1", "HYGOV", "IEEEG1") else STRONG)
+            np.savetxt(path, rows, "%.10g", delimiter=",", header=",".join(NAMES), comments="")
             print(path)
 
 

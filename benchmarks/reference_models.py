@@ -1,7 +1,7 @@
 """Standard models beside trajectories of OpenIPSL and PSS/E: renews their table in the docs.
 
-``python benchmarks/reference_models.py DATA``: the folder with ``openipsl_smib`` and ``psse_three_bus``. What is missing
-there is skipped. PSS/E recorded no angle of the terminal voltage for machines; those units run in the network of
+``python benchmarks/reference_models.py DATA``: the folder with ``openipsl_smib`` and ``psse_three_bus``; missing ones
+are skipped. PSS/E recorded no angle of the terminal voltage for machines: those units run in the network of
 ``tests/models/networks.py``.
 """
 
@@ -12,15 +12,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))
-
 from errorscreen._runtime.persistence import write_text_atomic
 from errorscreen.bench.markdown import table_lines
 from errorscreen.bench.reference_models import play
 from errorscreen.models.dyr import read_dyr
-from tests.models.networks import ThreeBus, beside, simulate
 
+ROOT = Path(__file__).resolve().parents[1]
 TABLE = ROOT / "docs" / "tables" / "reference_models.md"
 #: columns of the table, and their names in a unit
 QUANTITIES = {"P": "P", "Q": "Q", "speed": "omega", "Efd": "Efd", "Pm": "Pm", "rotor angle": "delta"}
@@ -67,6 +64,9 @@ def row_of_smib(folder):
 
 def row_of_machine(folder, case, file):
     """Unit of PSS/E in its network of three buses."""
+    sys.path.insert(0, str(ROOT))
+    from tests.models.networks import ThreeBus, beside, simulate
+
     device, table = read_dyr(folder / "inputs" / f"{file}.dyr").unit(102), pd.read_csv(folder / f"{case}.csv")
     recorded = {name: table[column].to_numpy() for name, column in THREE_BUS.items() if column in table}
     recorded["rotor angle"] = np.deg2rad(recorded.get("rotor angle", np.zeros(len(table))))

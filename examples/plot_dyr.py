@@ -47,5 +47,5 @@ with tempfile.TemporaryDirectory() as folder:
 print(table.loc[table.name == "H", ["model", "name", "value", "unit", "meaning"]].to_string(index=False))
 
 # %%
-# ``errorscreen run dyr/case.toml`` does the same in one command. It also searches for causes other than numbers, and it
-# writes ``calibrated.dyr`` only where numbers are the cause.
+# ``errorscreen run dyr/case.toml`` does the same in one command. It also searches for causes other than numbers. Where
+# one of those is named, it leaves the file alone.

@@ -19,8 +19,15 @@ from errorscreen.simulators import LoadUnderTest, PlantSimulator
 _SIDES = (*FIT, GridSide("low for two seconds", 0.6, 2.0), GridSide("high to the end", step=0.12))
 #: bus of the load whose effects are drawn
 _LOAD_BUS = 4
-#: standard models of the unit that shows effects of such units; the stabiliser only where an effect needs it
-_UNIT = ("GENROU", "SEXS", "TGOV1", "STAB1")
+#: standard models of units, of which the first that has an effect shows it
+_UNITS = (
+    ("GENROU", "SEXS", "TGOV1"),
+    ("GENROU", "SEXS", "TGOV1", "STAB1"),
+    ("GENSAL", "SEXS", "HYGOV"),
+    ("GENROU",),
+    ("REGCA1", "REECA1", "REPCA1"),
+    ("REGCA1",),
+)
 
 
 def write_all(folder):
@@ -44,8 +51,8 @@ def shown_on(devices):
     name = next(iter(devices), "synchronous_machine")
     if name in DEVICES:
         return name
-    models = _UNIT if name == "with stabiliser" else _UNIT[:-1]
-    return unit([Record(PARTS[model], {}) for model in models])
+    units = (unit([Record(PARTS[model], {}) for model in models]) for models in _UNITS)
+    return next(one for one in units if name in one.tags)
 
 
 def scrape(block, block_vars, gallery_conf):

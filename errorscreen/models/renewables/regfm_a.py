@@ -6,7 +6,8 @@ positive part:
 .. math::
 
     \dot\delta &= 2\pi f_0\,\Big(m_p(P_{ref} - P_f) + \Big[k_{ppmax} u_1 + \frac{k_{ipmax}}{s} u_1\Big]^-
-        + \Big[k_{ppmax} u_2 + \frac{k_{ipmax}}{s} u_2\Big]^+\Big),\quad u_1 = P_{max} - P_f,\ u_2 = P_{min} - P_f                                                     & (1)\\
+        + \Big[k_{ppmax} u_2 + \frac{k_{ipmax}}{s} u_2\Big]^+\Big),\quad
+    u_1 = P_{max} - P_f,\ u_2 = P_{min} - P_f                                                          & (1)\\
     V^* &= V_{set} + q - m_q(Q_f - Q_0)
         + \Big[k_{pqmax} w_1 + \frac{k_{iqmax}}{s} w_1\Big]^- + \Big[k_{pqmax} w_2 + \frac{k_{iqmax}}{s} w_2\Big]^+,
     \quad w_1 = Q_{max} - Q_f,\ w_2 = Q_{min} - Q_f                                                     & (2)\\
