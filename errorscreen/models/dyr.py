@@ -193,10 +193,12 @@ class DyrFile(Displayed):
             If a name is unknown, or a record could not be used with the new values.
         """
         key = self._key(bus, id)
-        slots = in_slots(_known(self._by_unit[key]))
+        records, models = _known(self._by_unit[key]), {name.partition(".")[0] for name in values}
+        # of two models in a slot one may be left out; the same model twice leaves open which one is meant
+        in_slots(known for known in records if known.part.name in models)
         places = {
             f"{known.part.name}.{name}": (known.record, constant.name)
-            for known in slots.values()
+            for known in records
             for constant in known.part.fields
             for name in (constant.symbol, constant.name)
         }

@@ -240,6 +240,8 @@ def unit(records: Sequence[Record], *, name: str = "") -> Device:
         for item in one.part.fields:
             value = one.values[item.name]
             parameter = item.parameter(value, one.part.name)
+            if item.name == "S12" and one.values["S10"] == 0:
+                parameter = None  # S(1.0) = 0 means no saturation
             if parameter is not None:
                 candidates.append(parameter)
             else:

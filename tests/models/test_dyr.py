@@ -611,3 +611,13 @@ def test_a_file_is_read_written_and_read_as_the_same(made, data):
     assert (
         re.sub(r"[-+.\dE]+", "#", changed.upper()).split() == re.sub(r"[-+.\dE]+", "#", text.upper()).split()
     )
+
+
+def test_of_two_records_in_a_slot_the_one_that_is_not_left_out_can_be_changed():
+    text = (
+        "101 'GENROU' 1  6.0 0.04 0.8 0.06 4.0 0.0 1.8 1.7 0.3 0.5 0.22 0.15 0.1 0.4 /\n"
+        "101 'SEXS' 1 0.1 10.0 100.0 0.1 0.0 5.0 /\n101 'SCRX' 1 0.1 10.0 100.0 0.1 0.0 5.0 0 0.0 /\n"
+    )
+    file = DyrFile("unit.dyr", text)
+    assert file.unit(leave_out=["SCRX"]).name == "GENROU+SEXS"
+    assert file.changed(101, 1, {"SEXS.K": 150.0}) == text.replace("100.0", "150.0", 1)

@@ -80,7 +80,8 @@ def test_a_constant_of_zero_has_the_range_of_its_model():
 
 
 def test_saturation_of_zero_is_left_to_an_effect():
-    without = unit(records(GENROU={"S10": 0.0, "S12": 0.0}))
+    # PSS/E runs a record with S(1.0) = 0 and S(1.2) = 1 without saturation
+    without = unit(records(GENROU={"S10": 0.0, "S12": 1.0}))
     assert not {"GENROU.S10", "GENROU.S12"} & {*without.candidates.names}
     assert "saturation" in [effect.name for effect in effects_of(without.name, *without.tags)]
     with_it = unit(records())

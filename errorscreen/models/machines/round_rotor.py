@@ -27,8 +27,15 @@ import numpy as np
 
 from errorscreen.engine.stages import stage
 from errorscreen.engine.vmath import power, select
-from errorscreen.models.blocks import longer, quadratic_constants, quadratic_saturation
-from errorscreen.models.machines.stator import PORTS, in_rotor_frame, phasors, stator, swing
+from errorscreen.models.blocks import longer, quadratic_saturation
+from errorscreen.models.machines.stator import (
+    PORTS,
+    in_rotor_frame,
+    machine_saturation,
+    phasors,
+    stator,
+    swing,
+)
 from errorscreen.models.part import Part, Start, Values, record
 
 FIELDS = record(
@@ -99,7 +106,7 @@ def rotor(
 
 
 def _quadratic(v: Values) -> tuple[Any, Any]:
-    return quadratic_constants(1.0, v["S10"], 1.2, np.where(v["S10"] > 0, v["S12"], 0.0))
+    return machine_saturation(v["S10"], v["S12"])
 
 
 def exponential_constants(v: Values) -> tuple[Any, Any]:

@@ -30,9 +30,16 @@ from typing import Any
 import numpy as np
 
 from errorscreen.engine.stages import Equations, stage
-from errorscreen.models.blocks import longer, quadratic_constants, quadratic_saturation
+from errorscreen.models.blocks import longer, quadratic_saturation
 from errorscreen.models.machines.round_rotor import exponential, exponential_constants
-from errorscreen.models.machines.stator import PORTS, in_rotor_frame, phasors, stator, swing
+from errorscreen.models.machines.stator import (
+    PORTS,
+    in_rotor_frame,
+    machine_saturation,
+    phasors,
+    stator,
+    swing,
+)
 from errorscreen.models.part import Part, Start, Values, record
 
 FIELDS = record(
@@ -113,7 +120,7 @@ def _starting(v: Values, Xqs: Any, satA: Any, satB: Any, saturation: Callable[[A
 
 def start_quadratic(v: Values) -> Start:
     """Equilibrium of GENSAL, whose q axis does not saturate."""
-    satA, satB = quadratic_constants(1.0, v["S10"], 1.2, v["S12"])
+    satA, satB = machine_saturation(v["S10"], v["S12"])
     return _starting(v, v["Xq"], satA, satB, lambda Eq1, psi2d: quadratic_saturation(Eq1, satA, satB))
 
 

@@ -31,8 +31,8 @@ from numba.extending import register_jitable
 
 from errorscreen.engine.stages import stage
 from errorscreen.engine.vmath import select, sincos
-from errorscreen.models.blocks import longer, quadratic_constants, quadratic_saturation
-from errorscreen.models.machines.stator import PORTS, in_rotor_frame, phasors, swing
+from errorscreen.models.blocks import longer, quadratic_saturation
+from errorscreen.models.machines.stator import PORTS, in_rotor_frame, machine_saturation, phasors, swing
 from errorscreen.models.part import Part, Start, Values, record
 
 FIELDS = record(
@@ -154,7 +154,7 @@ def start(v: Values) -> Start:
     From (J6), (J7) at rest, :math:`X_{qs} = X_l + (X_q - X_l)/S_q`.
     """
     voltage, current = phasors(v)
-    satA, satB = quadratic_constants(1.0, v["S10"], 1.2, v["S12"])
+    satA, satB = machine_saturation(v["S10"], v["S12"])
     u = np.abs(voltage + (v["Ra"] + 1j * v["Xl"]) * current) + v["Kis"] * np.abs(current)
     S = quadratic_saturation(u, satA, satB) / np.maximum(u, 1e-6)
     Sd, Sq = 1.0 + S, 1.0 + S * v["Xq"] / v["Xd"]

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from errorscreen.engine.stages import stage
 from errorscreen.engine.vmath import sincos
+from errorscreen.models.blocks import quadratic_constants
 from errorscreen.models.part import Values
 
 #: quantities of a machine that other parts and effects may read
@@ -58,6 +59,19 @@ def swing(omega: Any, Te: Any, Pm: Any, H: Any, D: Any, f0: Any) -> Any:
     """Swing equation, (R3)."""
     d_omega = ((Pm - D * (omega - 1.0)) / omega - Te) / (2.0 * H)
     return 6.283185307179586 * f0 * (omega - 1.0), d_omega
+
+
+def machine_saturation(S10: Any, S12: Any) -> Any:
+    """Constants A and B of the quadratic saturation through S(1.0) and S(1.2).
+
+    S(1.0) = 0 means none, whatever S(1.2) is: so PSS/E runs a record with 0 and 1.
+
+    Examples
+    --------
+    >>> [float(machine_saturation(0.0, S12)[1]) for S12 in (0.0, 1.0)]
+    [0.0, 0.0]
+    """
+    return quadratic_constants(1.0, S10, 1.2, np.where(np.asarray(S10) > 0, S12, 0.0))
 
 
 def phasors(v: Values) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
