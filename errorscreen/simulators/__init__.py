@@ -5,10 +5,12 @@ from errorscreen.simulators.external.callable import CallableSimulator
 from errorscreen.simulators.grid.simulator import PowerSystemSimulator
 from errorscreen.simulators.grid.unit import LoadUnderTest, Unit
 from errorscreen.simulators.ode.simulator import ODESimulator
+from errorscreen.simulators.plant.connection import Connection
 from errorscreen.simulators.plant.simulator import PlantSimulator
 
 __all__ = [
     "CallableSimulator",
+    "Connection",
     "LoadUnderTest",
     "ODESimulator",
     "PlantSimulator",
