@@ -15,7 +15,7 @@ from errorscreen.effects.excitation_limiters import (
 )
 from errorscreen.effects.exciter import EXCITER
 from errorscreen.effects.forced_oscillation import forced_oscillation
-from errorscreen.effects.governor import GOVERNOR
+from errorscreen.effects.governor import GOVERNOR, STEAM_GOVERNOR
 from errorscreen.effects.hydro_governor import HYDRO_GOVERNOR
 from errorscreen.effects.latent_input import latent_input
 from errorscreen.effects.load import FREQUENCY_DEPENDENCE, MOTOR_LOAD, STATIC_ACTIVE, STATIC_REACTIVE
@@ -48,6 +48,7 @@ EFFECTS: Registry[Effect] = Registry(
         "volts_per_hertz": VOLTS_PER_HERTZ_LIMITER,
         "governor": GOVERNOR,
         "hydro_governor": HYDRO_GOVERNOR,
+        "steam_governor": STEAM_GOVERNOR,
         "governor_acting": GOVERNOR_ACTING,
         "lag_active": ACTIVE_CURRENT_LAG,
         "lag_reactive_power": REACTIVE_POWER_LAG,

@@ -10,10 +10,18 @@ IEEE Std 1207 (type without a step at its edge):
     T_3\,\dot x &= g - x,\quad P_m = P_{m0} + x + (T_2/T_3)(g - x)                        & (G3)
 
 K is the reciprocal of the droop R. The damping term of TGOV1 is left out, because the machine has one.
+
+Of a unit from a model file, the steam chest stands between valve and reheater, as in IEEEG1 and Kundur, *Power System
+Stability and Control*, 1994, section 9.2:
+
+.. math:: T_{CH}\,\dot c = g - c                                                            \qquad (G4)
+
+with c in place of g in (G3).
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from errorscreen.effects.base import Effect, strength, value
@@ -38,11 +46,38 @@ def tgov1(
     )
 
 
+def steam(
+    value: Any,
+    omega: Any,
+    Pm0: Any,
+    g: Any,
+    c: Any,
+    x: Any,
+    K: Any,
+    db: Any,
+    T1: Any,
+    TCH: Any,
+    T2_T3: Any,
+    T3: Any,
+) -> Any:
+    """Mechanical power and derivatives of valve, steam chest and turbine, (G1) to (G4)."""
+    speed = omega - 1.0
+    e = clip(speed, -db, db) - speed
+    low, high = clip(-Pm0, -1e9, 0.0), clip(_P_MAX - Pm0, 0.0, 1e9)
+    gate = clip(g, low, high)
+    return (
+        value + x + T2_T3 * (c - x),
+        hold_at_limits(g, (K * e - g) / T1, low, high),
+        (gate - c) / TCH,
+        (c - x) / T3,
+    )
+
+
 GOVERNOR = Effect(
     name="governor",
     title="Turbine-governor (TGOV1) with dead band",
     port="Pm",
-    devices=("synchronous_machine", "without governor"),
+    devices=("synchronous_machine",),
     equations=tgov1,
     parameters=(
         strength("K", 20.0, 50.0, "pu", "governor", "K", "gain, reciprocal of the droop; 0: constant power"),
@@ -57,4 +92,18 @@ GOVERNOR = Effect(
     "swings about another mean after the fault and is damped differently; below the dead band nothing happens.",
     source="PSS/E model library, TGOV1; IEEE Std 1207, dead band",
     confused_with=("a larger damping coefficient D", "a power system stabiliser", "a forced oscillation"),
+)
+STEAM_GOVERNOR = replace(
+    GOVERNOR,
+    title="Steam turbine-governor with dead band",
+    devices=("without governor",),
+    equations=steam,
+    parameters=(
+        *GOVERNOR.parameters[:3],
+        value("TCH", 0.25, 0.02, 0.6, "s", "governor", "T_CH", "time constant of the steam chest"),
+        *GOVERNOR.parameters[3:],
+    ),
+    states=("g", "c", "x"),
+    formula="Pm = Pm0 + (1 + s T2) / (1 + s T3) · 1 / (1 + s TCH) · 1 / (1 + s T1) · K · (−db(ω − 1)), 0 ≤ Pm ≤ 1.2 pu",
+    source="Kundur, Power System Stability and Control, 1994, section 9.2; PSS/E model library, TGOV1 and IEEEG1",
 )

@@ -67,7 +67,7 @@ HYDRO_GOVERNOR = Effect(
         value("TR", 6.0, 1.0, 20.0, "s", "governor", "T_R", "reset time of the dashpot"),
         value("R", 0.05, 0.02, 0.1, "pu", "governor", "R", "permanent droop"),
         value("TG", 0.3, 0.05, 1.0, "s", "governor", "T_G", "time constant of the gate"),
-        value("TW", 1.0, 0.3, 4.0, "s", "governor", "T_W", "water starting time"),
+        value("TW", 1.0, 0.5, 4.0, "s", "governor", "T_W", "water starting time"),
         value("db", 0.0006, 0.0, 0.004, "pu", "governor", "d", "half width of the dead band of speed"),
     ),
     states=("x", "g", "w"),
