@@ -13,7 +13,7 @@ from errorscreen.effects.excitation_limiters import (
     UNDER_EXCITATION_LIMITER,
     VOLTS_PER_HERTZ_LIMITER,
 )
-from errorscreen.effects.exciter import EXCITER
+from errorscreen.effects.exciter import EXCITER, UNIT_EXCITER
 from errorscreen.effects.forced_oscillation import forced_oscillation
 from errorscreen.effects.governor import GOVERNOR, STEAM_GOVERNOR
 from errorscreen.effects.hydro_governor import HYDRO_GOVERNOR
@@ -37,6 +37,7 @@ EFFECTS: Registry[Effect] = Registry(
     Effect,
     {
         "exciter": EXCITER,
+        "unit_exciter": UNIT_EXCITER,
         "stabiliser": STABILISER,
         "stabiliser_input": STABILISER_INPUT,
         "stabiliser_acting": STABILISER_ACTING,

@@ -10,11 +10,13 @@ the equilibrium:
     T_E\,\dot E &= K y - E,\quad E_{min} \le E_{fd0} + E \le E_{max}             & (X3)\\
     E_{fd} &= E_{fd0} + E                                                      & (X4)
 
-The limits, 0 and 5 pu, belong to a typical static exciter.
+The limits, 0 and 5 pu, belong to a typical static exciter. Of a unit from a model file the upper one is a parameter,
+and the lag may be so long that it stands for the integral of a regulator.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -35,6 +37,16 @@ def sexs(value: Any, V: Any, V0: Any, Efd0: Any, x: Any, E: Any, K: Any, TA_TB: 
     return value + clip(E, low, high), (e - x) / TB, hold_at_limits(E, (K * y - E) / TE, low, high)
 
 
+def ceiling(
+    value: Any, V: Any, V0: Any, Efd0: Any, x: Any, E: Any, K: Any, TA_TB: Any, TB: Any, TE: Any, Emax: Any
+) -> Any:
+    """Field voltage and derivatives of lead-lag and exciter, (X1) to (X4), with a ceiling of its own."""
+    e = V0 - V
+    y = x + TA_TB * (e - x)
+    low, high = clip(_E_MIN - Efd0, -1e9, 0.0), clip(Emax - Efd0, 0.0, 1e9)
+    return value + clip(E, low, high), (e - x) / TB, hold_at_limits(E, (K * y - E) / TE, low, high)
+
+
 def _start(values: Values, h: float) -> Values:
     return {"V0": values["V"] * np.ones_like(values["K"])}
 
@@ -43,7 +55,7 @@ EXCITER = Effect(
     name="exciter",
     title="Excitation system (SEXS)",
     port="Efd",
-    devices=("synchronous_machine", "without exciter"),
+    devices=("synchronous_machine",),
     equations=sexs,
     parameters=(
         strength("K", 100.0, 400.0, "pu", "exciter", "K", "gain; 0 leaves the field voltage constant"),
@@ -59,4 +71,18 @@ EXCITER = Effect(
     "field voltage misses the slow rise of reactive power after a dip and part of the damping.",
     source="PSS/E model library, SEXS",
     confused_with=("a larger or smaller T'd0", "a field-current limiter", "a power system stabiliser"),
+)
+UNIT_EXCITER = replace(
+    EXCITER,
+    title="Excitation system (SEXS, or one with an integral)",
+    devices=("without exciter",),
+    equations=ceiling,
+    parameters=(
+        EXCITER.parameters[0],
+        value("TA_TB", 0.1, 0.005, 1.0, "", "exciter", "T_A/T_B", "transient gain reduction"),
+        value("TB", 10.0, 1.0, 80.0, "s", "exciter", "T_B", "lag time constant"),
+        EXCITER.parameters[3],
+        value("Emax", 5.0, 2.0, 12.0, "pu", "exciter", "E_max", "ceiling of the field voltage"),
+    ),
+    formula="Efd = Efd0 + [K / (1 + s TE) · (1 + s (TA_TB) TB) / (1 + s TB) · (V0 − V)], 0 ≤ Efd ≤ Emax",
 )

@@ -188,6 +188,7 @@ class _Canvas:
     """Axes in inches, with a record of all drawn shapes."""
 
     def __init__(self, points: Point) -> None:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
         low, high = points.min(axis=0) - _MARGIN, points.max(axis=0) + _MARGIN
@@ -195,6 +196,8 @@ class _Canvas:
         low[0], high[0] = low[0] - wider, high[0] + wider
         self.clutter = Clutter(low, high)
         self.figure = Figure(figsize=(high[0] - low[0], high[1] - low[1] + _LEGEND))
+        # without one renderer for all texts, each that is measured takes an image of the whole figure
+        self._renderer = FigureCanvasAgg(self.figure).get_renderer()
         self.axes: Axes = self.figure.add_axes((0, 0, 1, 1))
         self.axes.set_axis_off()
         self.axes.set_xlim(low[0], high[0])
@@ -284,7 +287,7 @@ class _Canvas:
         """Write a text beside a box where it hides least; the ends of a bar come first."""
         style |= {"ha": "center", "va": "center", "fontsize": 8, "zorder": 6}
         label = self.axes.text(0, 0, text, color=colour, **style)
-        size = label.get_window_extent()
+        size = label.get_window_extent(self._renderer)
         half = 0.5 * np.array([size.width, size.height]) / self.figure.dpi
         beside = [] if along is None else [
             end + np.sign((end - centre) @ along) * along * (half + 0.04) for end in first

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
@@ -60,10 +61,11 @@ class TwoThings(GridEvent):
 def test_no_text_of_the_case_study_overlaps(name, positions):
     figure = plot_system(CASE, ieee39_events()[name], positions=positions)
     frame = figure.bbox
-    boxes = [text.get_window_extent() for text in figure.axes[0].texts]
-    boxes.append(figure.legends[0].get_window_extent())
-    bars = [line.get_window_extent() for line in figure.axes[0].lines if line.get_linewidth() == 3.5]
-    symbols = [patch.get_window_extent() for patch in figure.axes[0].patches]
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    boxes = [text.get_window_extent(renderer) for text in figure.axes[0].texts]
+    boxes.append(figure.legends[0].get_window_extent(renderer))
+    bars = [line.get_window_extent(renderer) for line in figure.axes[0].lines if line.get_linewidth() == 3.5]
+    symbols = [patch.get_window_extent(renderer) for patch in figure.axes[0].patches]
     assert len(bars) == 39
     for k, box in enumerate(boxes):
         assert not any(box.overlaps(other) for other in [*boxes[:k], *bars, *symbols])
