@@ -17,7 +17,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from types import ModuleType
+from types import FunctionType, ModuleType
+from typing import Any
 
 import numba
 
@@ -193,9 +194,23 @@ def _process_directory() -> Path:
 
 def fingerprint(model: Model, text: str) -> str:
     """Hash over the module's text and every source file that its functions come from."""
-    return fingerprint_of(
-        {sys.modules[call.function.__module__] for call in model.calls} | {rk4, vmath}, text
-    )
+    modules = {rk4, vmath}
+    for call in model.calls:
+        modules |= _sources(call.function)
+    return fingerprint_of(modules, text)
+
+
+def _sources(function: Any) -> set[ModuleType]:
+    """Modules of a function and of the Python functions that it calls."""
+    found, waiting = set(), [function]
+    seen = set()
+    while waiting:
+        one = waiting.pop()
+        seen.add(one)
+        found.add(sys.modules[one.__module__])
+        called = (one.__globals__.get(name) for name in one.__code__.co_names)
+        waiting += [other for other in called if isinstance(other, FunctionType) and other not in seen]
+    return found
 
 
 def fingerprint_of(modules: Iterable[ModuleType], text: str) -> str:

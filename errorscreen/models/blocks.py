@@ -46,15 +46,28 @@ def lag(x: Any, u: Any, T: Any, shortest: Any) -> Any:
 
 @register_jitable
 def limited_lag(x: Any, u: Any, T: Any, lower: Any, upper: Any, shortest: Any) -> Any:
-    """First-order lag within limits (non-windup): output and derivative.
+    """First-order lag within fixed limits (non-windup): output and derivative.
 
-    A state beyond a limit, because the limit moved or a step went too far, returns within ``shortest``.
+    A step may carry the state beyond a limit, where it stays until the input leads back; only the output is clipped. So
+    a lag of a few steps enters its limit without the chatter of a stiff return.
 
     Examples
     --------
     >>> [float(value) for value in limited_lag(1.0, 3.0, 2.0, 0.0, 1.0, 0.001)]
     [1.0, 0.0]
-    >>> [round(float(value), 6) for value in limited_lag(1.5, 3.0, 2.0, 0.0, 1.0, 0.001)]
+    """
+    return clip(x, lower, upper), hold_at_limits(x, (u - x) / longer(T, shortest), lower, upper)
+
+
+@register_jitable
+def following_lag(x: Any, u: Any, T: Any, lower: Any, upper: Any, shortest: Any) -> Any:
+    """First-order lag within limits that move (non-windup): a state beyond a limit returns within ``shortest``.
+
+    Examples
+    --------
+    >>> [float(value) for value in following_lag(1.0, 3.0, 2.0, 0.0, 1.0, 0.001)]
+    [1.0, 0.0]
+    >>> [round(float(value), 6) for value in following_lag(1.5, 3.0, 2.0, 0.0, 1.0, 0.001)]
     [1.0, -500.0]
     """
     y = clip(x, lower, upper)

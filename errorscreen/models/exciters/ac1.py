@@ -20,7 +20,7 @@ from typing import Any
 
 from errorscreen.engine.stages import stage
 from errorscreen.engine.vmath import clip
-from errorscreen.models.blocks import lag, lead_lag, limited_lag
+from errorscreen.models.blocks import following_lag, lag, lead_lag
 from errorscreen.models.exciters.alternator import alternator, at_rest, excited, rate_feedback
 from errorscreen.models.part import Limit, Part, Start, Values, holding, record
 
@@ -69,7 +69,7 @@ def regulator(
     """Output of the regulator, (1) to (4)."""
     measured, d_Vm = lag(Vm, Vc, TR, shortest)
     y, d_x = lead_lag(x, Vref + Vs - measured - VF, TC, TB, shortest)
-    VA, d_A = limited_lag(A, KA * y, TA, low, high, shortest)
+    VA, d_A = following_lag(A, KA * y, TA, low, high, shortest)
     return VA, d_Vm, d_x, d_A
 
 

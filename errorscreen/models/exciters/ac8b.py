@@ -25,7 +25,7 @@ from numba.extending import register_jitable
 
 from errorscreen.engine.stages import stage
 from errorscreen.engine.vmath import clip, select
-from errorscreen.models.blocks import lag, limited_lag, limited_pi, quadratic_saturation, rate
+from errorscreen.models.blocks import following_lag, lag, limited_pi, quadratic_saturation, rate
 from errorscreen.models.exciters.alternator import at_rest, exciter_slope, field_voltage
 from errorscreen.models.part import Limit, Part, Start, Values, holding, record
 
@@ -95,7 +95,7 @@ def ac8b(
     e = Vref + Vs - measured
     derivative, d_xD = rate(xD, e, KDR, TDR, shortest)
     pid, d_xI = limited_pi(xI + derivative, e, KPR, KIR, lowP, highP)
-    VR, d_R = limited_lag(R, KA * pid, TA, lowR, highR, shortest)
+    VR, d_R = following_lag(R, KA * pid, TA, lowR, highR, shortest)
     d_VE = exciter_slope(VE, VR, VFE, TE, lowE, topE, shortest)
     return VR, d_Vm, d_xI, d_xD, d_R, d_VE
 

@@ -23,7 +23,7 @@ import numpy as np
 
 from errorscreen.engine.stages import stage
 from errorscreen.engine.vmath import clip, hold_at_limits
-from errorscreen.models.blocks import lag, lead_lag, limited_lag, rate
+from errorscreen.models.blocks import following_lag, lag, lead_lag, rate
 from errorscreen.models.exciters.rotating import computed, rotating
 from errorscreen.models.part import Limit, Part, Start, Values, holding, record
 
@@ -93,7 +93,7 @@ def esdc(
     Efd = clip(E, least, 1e9)
     VF, d_xF = rate(xF, Efd, KF, TF1, shortest)
     y, d_x = lead_lag(x, Vref + Vs - measured - VF, TC, TB, shortest)
-    regulator, d_VR = limited_lag(VR, KA * y, TA, low * supply, high * supply, shortest)
+    regulator, d_VR = following_lag(VR, KA * y, TA, low * supply, high * supply, shortest)
     d_E = hold_at_limits(E, rotating(E, regulator, gain, TE, satA, satB, shortest), least, 1e9)
     return Efd, VF, d_Vm, d_x, d_VR, d_E, d_xF
 

@@ -24,7 +24,7 @@ import numpy as np
 
 from errorscreen.engine.stages import stage
 from errorscreen.engine.vmath import clip, hold_at_limits, select
-from errorscreen.models.blocks import lag, lead_lag, limited_lag, limited_pi, rate
+from errorscreen.models.blocks import following_lag, lag, lead_lag, limited_pi, rate
 from errorscreen.models.exciters.alternator import UNLIMITED, alternator, at_rest, exciter_slope
 from errorscreen.models.part import Limit, Part, Start, Values, holding, record
 
@@ -89,7 +89,7 @@ def voltage_regulator(
     integral = clip(xV, lowR, highR)
     y1, d_x1 = lead_lag(x1, KVP * e + integral, TC1, TB1, shortest)
     y2, d_x2 = lead_lag(x2, y1, TC2, TB2, shortest)
-    _, d_R = limited_lag(R, y2, TA, lowR, highR, shortest)
+    _, d_R = following_lag(R, y2, TA, lowR, highR, shortest)
     return d_Vm, hold_at_limits(xV, KVI * e, lowR, highR), d_x1, d_x2, d_R
 
 

@@ -19,7 +19,7 @@ from __future__ import annotations
 from typing import Any
 
 from errorscreen.engine.stages import stage
-from errorscreen.models.blocks import lag, limited_lag, limited_lead_lag
+from errorscreen.models.blocks import following_lag, lag, limited_lead_lag
 from errorscreen.models.part import Limit, Part, Start, Values, holding, record
 
 FIELDS = record(
@@ -75,7 +75,7 @@ def st5b(
     measured, d_Vm = lag(Vm, Vc, TR, shortest)
     y, d_x1 = limited_lead_lag(x1, Vref - measured + Vs, TC1, TB1, low / KR, high / KR, shortest)
     z, d_x2 = limited_lead_lag(x2, y, TC2, TB2, low / KR, high / KR, shortest)
-    Efd, d_E = limited_lag(E, KR * z - KC * If, T1, V * lowE, V * highE, shortest)
+    Efd, d_E = following_lag(E, KR * z - KC * If, T1, V * lowE, V * highE, shortest)
     return Efd, d_Vm, d_x1, d_x2, d_E
 
 
