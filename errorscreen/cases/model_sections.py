@@ -131,7 +131,7 @@ class DeviceSection(CandidatesSection):
 
 
 class PlantSection(Section):
-    """What lies between the recorded point and the terminal of the unit, in pu of the unit's base."""
+    """Connection of the unit to the recorded point, in pu of the unit's base."""
 
     resistance: NotNegative = setting(0.0, "R of transformer, collector and line in series")
     reactance: NotNegative = setting(0.0, "the same, X")

@@ -214,7 +214,7 @@ class Result:
         What to check and to record next.
     run : Run
     correction : Correction or None
-        Of the user's model file; None without one, and where the verdict is another than wrong parameters.
+        Of the user's model file; None without one, and where an effect, the measurement or noise is named.
     schema_version : int
     """
 

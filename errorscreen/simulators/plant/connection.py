@@ -25,7 +25,7 @@ from errorscreen.models.device import Values
 
 @dataclass(frozen=True)
 class Connection:
-    """What lies between the recorded point and the terminal of a unit; see the equations of this module.
+    """Connection of a unit to the recorded point; see the equations of this module.
 
     Parameters
     ----------
