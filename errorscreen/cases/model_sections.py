@@ -9,14 +9,14 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
 from errorscreen.cases.ieee39 import PLANTS, load_ieee39
 from errorscreen.cases.section import NameIn, NotNegative, Positive, Section, setting
 from errorscreen.events import BusFault, GridEvent, LineTrip, LoadStep
 from errorscreen.exceptions import InputError
 from errorscreen.models import DEVICES, Device
-from errorscreen.models.dyr import read_dyr
+from errorscreen.models.dyr import DyrFile, read_dyr
 from errorscreen.parameters import Parameter, ParameterSpace
 from errorscreen.simulators import PowerSystemSimulator
 from errorscreen.simulators.plant.connection import Connection
@@ -101,6 +101,7 @@ class DeviceSection(CandidatesSection):
         "voltage",
     )
     grid_reactance: NotNegative = setting(0.0, "the same, reactance")
+    _file: DyrFile | None = PrivateAttr(default=None)
 
     @property
     def grid_impedance(self) -> complex:
@@ -116,12 +117,19 @@ class DeviceSection(CandidatesSection):
             raise InputError("bus or id is given without dyr", allowed="only with a model file")
         return self
 
+    def file(self, folder: Path) -> DyrFile | None:
+        """Model file, relative to a folder and read once; None for a kind of plant."""
+        if self.dyr is not None and self._file is None:
+            self._file = read_dyr(folder / self.dyr)
+        return self._file
+
     def model(self, folder: Path) -> Device:
         """Device of this section, its files relative to a folder."""
-        if self.dyr is None:
+        file = self.file(folder)
+        if file is None:
             assert self.type is not None
             return DEVICES[self.type]
-        return read_dyr(folder / self.dyr).unit(self.bus, self.id, leave_out=self.leave_out)
+        return file.unit(self.bus, self.id, leave_out=self.leave_out)
 
     def space(self, folder: Path) -> ParameterSpace:
         """Candidates of the device; `InputError` if a parameter or a constant is unknown."""

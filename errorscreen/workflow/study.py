@@ -15,7 +15,7 @@ from errorscreen.data.recordings import Recording
 from errorscreen.data.resampling import check_steps
 from errorscreen.discovery.search_step import search_simulator
 from errorscreen.exceptions import InputError
-from errorscreen.models.dyr import DyrFile, read_dyr
+from errorscreen.models.dyr import DyrFile
 from errorscreen.report.result import Role
 from errorscreen.simulators import PlantSimulator
 from errorscreen.simulators.base import Simulator
@@ -135,8 +135,8 @@ class Study:
         study = cls.of(case.title, simulator, recording, further[n:], case, together=further[:n])
         if isinstance(first, Observation):  # of a grid, beside what happened in it
             study = replace(study, observation=first)
-        if case.device is not None and case.device.dyr is not None:
-            file = read_dyr(case.folder / case.device.dyr)
+        file = None if case.device is None else case.device.file(case.folder)
+        if case.device is not None and file is not None:
             study = replace(study, model_file=ModelFile(file, case.device.bus, case.device.id))
         return replace(study, paths=tuple(section.path for section in case.recordings.values()))
 
