@@ -43,7 +43,7 @@ class Connection:
     >>> values = {"V": np.array([1.0]), "P": np.array([0.8]), "Q": np.array([0.1])}
     >>> found = Connection(0.0, 0.1).terminal(values)
     >>> [round(float(found[name][0]), 4) for name in ("V", "P", "Q")]
-    [1.0131, 0.8, 0.165]
+    [1.0132, 0.8, 0.165]
     """
 
     resistance: float = 0.0
