@@ -1,6 +1,6 @@
 """Machine code of generated modules: compiled once on a machine, and without filling the memory of a process.
 
-Numba gives nothing back of what it takes to compile a function: 28 MB for a plant, 240 MB for the 39-bus system. Code
+Numba gives nothing back of what it takes to compile a function: 10 MB for a plant, 40 MB for the 39-bus system. Code
 that it finds in its file cache takes a tenth of that or less. So only a few modules are compiled in the process that
 uses them; then another process compiles, which is replaced from time to time.
 """
@@ -20,15 +20,15 @@ from threading import Lock
 from types import ModuleType
 
 import numba
-from numba.types import float64, int64, uint64
+from numba.types import boolean, float64, int64, uint64
 
-#: characters of source that are compiled in this process, and in another one before it is replaced; each takes 4 kB
-_HERE, _ELSEWHERE = 32_000, 100_000
+#: characters of source that are compiled in this process, and in another one before it is replaced; each takes 2 kB
+_HERE, _ELSEWHERE = 64_000, 200_000
 _MATRIX = float64[:, ::1]
 #: types of the arguments of a generated ``integrate``
 ARGUMENTS = (
-    uint64, int64, int64, _MATRIX, _MATRIX, _MATRIX, _MATRIX, int64[:, ::1], float64, int64, int64[:, ::1],
-    int64[::1], int64[::1], int64[::1], float64[:, :, ::1],
+    uint64, int64, int64, float64[::1], boolean[::1], boolean[::1], _MATRIX, _MATRIX, _MATRIX, _MATRIX, int64[:, ::1],
+    float64, int64, int64[:, ::1], int64[::1], int64[::1], int64[::1], float64[:, :, ::1],
 )  # fmt: skip
 #: other programs may hold the interpreter, and would be started once more
 _IS_PYTHON = "python" in Path(sys.executable or "").name.lower()

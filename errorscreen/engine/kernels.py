@@ -80,6 +80,11 @@ class Engine:
             self._kernels[lanes] = load_module(self.model, lanes).integrate
         return self._kernels[lanes]
 
+    def _memory(self, lanes: int) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]]:
+        """Working memory of a task: buffer, switches that are on, spans of states that are active."""
+        spans = len(self.layout.spans)
+        return np.zeros(self.layout.size * lanes), np.zeros(len(self._switches), bool), np.zeros(spans, bool)
+
     def integrate(
         self,
         x0: NDArray[np.float64],
@@ -140,7 +145,7 @@ class Engine:
         )
         threads = threads_left(self.threads)
         tasks = [
-            partial(self._kernel(lanes), np.uint64(lanes), first, last, *arguments)
+            partial(self._kernel(lanes), np.uint64(lanes), first, last, *self._memory(lanes), *arguments)
             for lanes, first, last in _tasks(n, threads)
         ]
         parallel_map(tasks, threads)

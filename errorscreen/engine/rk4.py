@@ -11,11 +11,12 @@ advanced.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
+from errorscreen.engine.wiring import inlined
 
-@numba.njit(error_model="numpy", forceinline=True)
+
+@inlined
 def load(b, values, block, lanes, first_row):
     """Copy per-simulation values (n, rows) of a block into the buffer; the last one fills spare lanes."""
     n, rows = values.shape
@@ -25,7 +26,7 @@ def load(b, values, block, lanes, first_row):
             b[(first_row + r) * lanes + k] = values[i, r]
 
 
-@numba.njit(error_model="numpy", forceinline=True)
+@inlined
 def mark(on, constants, columns, block, lanes):
     """Set ``on[c]`` where the c-th of some columns of the constants is nonzero in any simulation of a block."""
     first, last = block * lanes, min((block + 1) * lanes, constants.shape[0])
@@ -35,7 +36,7 @@ def mark(on, constants, columns, block, lanes):
             on[c] |= constants[i, columns[c]] != 0.0
 
 
-@numba.njit(error_model="numpy", forceinline=True)
+@inlined
 def place(b, tables, segment, block, lanes, first_row, step):
     """Copy the tables (m, rows) that hold in a step into the buffer, for each simulation its own where they change."""
     for k in range(lanes):
@@ -45,7 +46,7 @@ def place(b, tables, segment, block, lanes, first_row, step):
                 b[(first_row + r) * lanes + k] = tables[segment[i, step], r]
 
 
-@numba.njit(error_model="numpy", forceinline=True)
+@inlined
 def store(out, b, block, lanes, rows, column):
     """Copy recorded rows of a block to ``out[simulation, row, column]``."""
     n = out.shape[0]
@@ -54,7 +55,7 @@ def store(out, b, block, lanes, rows, column):
             out[block * lanes + k, r, column] = b[rows[r] * lanes + k]
 
 
-@numba.njit(error_model="numpy", forceinline=True)
+@inlined
 def predict(b, spans, active, lanes, shift, h, weight, first):
     """After an evaluation: add ``weight * f`` to the sum and set the state to ``x_k + h * f``.
 
@@ -75,7 +76,7 @@ def predict(b, spans, active, lanes, shift, h, weight, first):
                 b[i] = b[i + size + size] + h * f
 
 
-@numba.njit(error_model="numpy", forceinline=True)
+@inlined
 def correct(b, spans, active, lanes, shift, h):
     """After the fourth evaluation: the new state."""
     size = np.uint64(shift * lanes)

@@ -6,7 +6,17 @@ import pytest
 from errorscreen.effects import effects_of
 from errorscreen.effects.exciter import EXCITER, UNIT_EXCITER, ceiling, sexs
 
-VALUES = {"value": 2.0, "V": 0.9, "V0": 1.0, "Efd0": 2.0, "x": 0.02, "K": 100.0, "TA_TB": 0.1, "TB": 10.0, "TE": 0.1}
+VALUES = {
+    "value": 2.0,
+    "V": 0.9,
+    "V0": 1.0,
+    "Efd0": 2.0,
+    "x": 0.02,
+    "K": 100.0,
+    "TA_TB": 0.1,
+    "TB": 10.0,
+    "TE": 0.1,
+}
 
 
 @pytest.mark.parametrize("E", [-3.0, 0.5, 2.9, 4.0])
