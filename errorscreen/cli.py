@@ -191,21 +191,25 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _demo(options: argparse.Namespace, out: str) -> None:
-    from errorscreen.workflow.demo import demo_study
-
     if options.seed < 0:
         raise InputError(f"the seed is {options.seed}", where="--seed", allowed="a whole number >= 0")
-    _study(lambda: demo_study(options.seed, not options.no_discovery), Path(out), options)
+    with _process_for_training(Path(out)) as process:
+        from errorscreen.workflow.demo import demo_study
+
+        prepare = partial(demo_study, options.seed, not options.no_discovery)
+        _study(prepare, Path(out), options, process)
 
 
 def _run(options: argparse.Namespace, out: str | None) -> None:
-    from errorscreen.cases import load_case
-    from errorscreen.workflow import Study
+    with _process_for_training(Path(out or f"{Path(options.case).stem}-results")) as process:
+        from errorscreen.cases import load_case
+        from errorscreen.workflow import Study
 
-    case = load_case(options.case)
-    if options.no_discovery:
-        case = case.model_copy(update={"discovery": case.discovery.model_copy(update={"enabled": False})})
-    _study(lambda: Study.from_case(case), _case_folder(options, case, out, "results"), options)
+        case = load_case(options.case)
+        if options.no_discovery:
+            case = case.model_copy(update={"discovery": case.discovery.model_copy(update={"enabled": False})})
+        folder = _case_folder(options, case, out, "results")
+        _study(lambda: Study.from_case(case), folder, options, process)
 
 
 def _diagnose(options: argparse.Namespace, out: str | None) -> None:
@@ -293,13 +297,25 @@ def _bench_discovery(options: argparse.Namespace, out: str) -> None:
     print("Written: " + ", ".join(str(folder / name) for name in written))
 
 
-def _study(prepare: Callable[[], Any], out: Path, options: argparse.Namespace) -> None:
+@contextmanager
+def _process_for_training(folder: Path) -> Iterator[Any]:
+    """A process that imports torch while this one imports the rest and reads the files; None where stages are kept."""
+    from errorscreen._runtime.processes import subprocess_importing
+
+    if (folder / "stages").exists():
+        yield None
+    else:
+        with subprocess_importing("errorscreen.workflow.run", "errorscreen.learning.network") as process:
+            yield process
+
+
+def _study(prepare: Callable[[], Any], out: Path, options: argparse.Namespace, process: Any = None) -> None:
     from errorscreen.discovery.conclusions import probable
     from errorscreen.workflow import run_study, write_outputs
 
     with _stages(out, options):
         study = prepare()
-        outcome = run_study(study, out, progress=not options.quiet)
+        outcome = run_study(study, out, progress=not options.quiet, process=process)
     written = write_outputs(outcome, out)
     result = outcome.result
     found = result.diagnosis

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import signal
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Future
 from contextlib import contextmanager, suppress
 from functools import partial
@@ -52,25 +53,65 @@ class Call(Generic[_T]):
         return found
 
 
+class Subprocess:
+    """A process beside this one that makes a single call; see `subprocess_importing`."""
+
+    def __init__(self) -> None:
+        self._error = BrokenExecutor("the process has not begun, or has ended")
+        self._pool: ProcessPoolExecutor | None = None
+
+    def start(self, modules: Sequence[str]) -> None:
+        """Start the process, which imports modules."""
+        try:
+            self._pool = ProcessPoolExecutor(1, initializer=_prepare, initargs=(os.getpid(),))
+            if modules:
+                self._pool.submit(_import, modules)
+        except Exception as error:  # no memory, or no right to start a process inside a worker
+            self._error = BrokenExecutor(f"no process could start: {error}")
+
+    def call(self, function: Callable[_P, _T], *args: _P.args, **kwargs: _P.kwargs) -> Call[_T]:
+        """Start a call. Function and arguments are copied; settings of joblib and threadpoolctl do not carry over."""
+        future: Future[tuple[_T, list[Warning | str]]] = Future()
+        try:
+            if self._pool is None:
+                raise self._error
+            future = self._pool.submit(_recorded, cloudpickle.dumps(partial(function, *args, **kwargs)))
+        except Exception as error:  # not picklable, or no process
+            future.set_exception(BrokenExecutor(f"no process could start: {error}"))
+        return Call(future)
+
+    def end(self) -> None:
+        """End the process, whether its call is done or not."""
+        if self._pool is not None:
+            self._pool.shutdown(kill_workers=True)
+            self._pool = None
+
+
+@contextmanager
+def subprocess_importing(*modules: str) -> Iterator[Subprocess]:
+    """Start a process that imports modules at once and waits for a call; it ends with the block.
+    It helps where much of the time is spent in the interpreter, whose lock threads share.
+    """
+    process = Subprocess()
+    try:
+        process.start(modules)
+        yield process
+    finally:
+        process.end()
+
+
 @contextmanager
 def in_subprocess(function: Callable[_P, _T], *args: _P.args, **kwargs: _P.kwargs) -> Iterator[Call[_T]]:
-    """Start a call in a process of its own, which ends with the block, whether the call is done or not.
-    It helps where much of the time is spent in the interpreter, whose lock threads share. Function and arguments are
-    copied; settings of joblib and threadpoolctl do not carry over.
-    """
-    future: Future[tuple[_T, list[Warning | str]]] = Future()
-    pool = None
-    try:
-        try:
-            task = cloudpickle.dumps(partial(function, *args, **kwargs))
-            pool = ProcessPoolExecutor(1, initializer=_prepare, initargs=(os.getpid(),))
-            future = pool.submit(_recorded, task)
-        except Exception as error:  # not picklable, no memory, or no right to start a process inside a worker
-            future.set_exception(BrokenExecutor(f"no process could start: {error}"))
-        yield Call(future)
-    finally:
-        if pool is not None:
-            pool.shutdown(kill_workers=True)
+    """Start a call in a process of its own, which ends with the block; see `Subprocess.call`."""
+    with subprocess_importing() as process:
+        yield process.call(function, *args, **kwargs)
+
+
+def _import(modules: Sequence[str]) -> None:
+    """Import modules; what cannot be imported is told by the call that needs it."""
+    for name in modules:
+        with suppress(ImportError):
+            importlib.import_module(name)
 
 
 def _recorded(task: bytes) -> tuple[object, list[Warning | str]]:

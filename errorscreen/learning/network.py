@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -111,6 +112,14 @@ class Net(NeuralNet):
         return self
 
 
+class AdamW(torch.optim.AdamW):
+    """The optimiser without the hooks for torch's compiler, which is not used here and takes seconds to import."""
+
+    add_param_group = inspect.unwrap(torch.optim.AdamW.add_param_group)
+    zero_grad = inspect.unwrap(torch.optim.AdamW.zero_grad)
+    step = torch.no_grad()(inspect.unwrap(torch.optim.AdamW.step))
+
+
 def wrap_network(network: nn.Module, device: str, batch_size: int) -> Net:
     """Wrap a network in an untrained skorch net."""
     return Net(network, nn.HuberLoss, device=device, batch_size=batch_size, train_split=None, verbose=0)
@@ -144,7 +153,7 @@ def train_network(net: Net, X: NDArray[Any], y: NDArray[Any], options: Any, spli
     # down to 0 at the end of the last epoch, along half a cosine
     cosine = LRScheduler(torch.optim.lr_scheduler.CosineAnnealingLR, T_max=options.max_epochs)
     net.set_params(
-        optimizer=torch.optim.AdamW,
+        optimizer=AdamW,
         optimizer__weight_decay=options.weight_decay,
         lr=options.lr,
         criterion__delta=options.huber_delta,

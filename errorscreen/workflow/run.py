@@ -6,7 +6,7 @@ import json
 import logging
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import partial
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen._runtime.log_lines import at_each_line
-from errorscreen._runtime.processes import in_subprocess
+from errorscreen._runtime.processes import Subprocess, subprocess_importing
 from errorscreen._runtime.store import Store
 from errorscreen._runtime.typed import from_json, to_json
 from errorscreen.calibration import CALIBRATORS, MAPCalibrator
@@ -46,7 +46,9 @@ _T = TypeVar("_T")
 _log = logging.getLogger(__name__)
 
 
-def run_study(study: Study, out: str | Path, *, progress: bool = False) -> Outcome:
+def run_study(
+    study: Study, out: str | Path, *, progress: bool = False, process: Subprocess | None = None
+) -> Outcome:
     """Diagnose, screen and calibrate; finished stages are kept in ``out/stages`` and used again.
 
     Where a network is to be trained, screening and the swarm run in a process of their own, without bars, while this
@@ -59,6 +61,8 @@ def run_study(study: Study, out: str | Path, *, progress: bool = False) -> Outco
         Folder; made where it is missing.
     progress : bool
         Show progress bars.
+    process : Subprocess, optional
+        The process for the network, where one has begun already; it saves the time of its imports.
 
     Raises
     ------
@@ -71,7 +75,7 @@ def run_study(study: Study, out: str | Path, *, progress: bool = False) -> Outco
     start, started = perf_counter(), datetime.now(UTC).isoformat(timespec="seconds")
     store = Store(Path(out) / "stages")
     nominal = tuple(_nominal(study.simulator, o) for o in study.observations)
-    with _selecting(study, store, progress) as (check, select):
+    with _selecting(study, store, progress, process) as (check, select):
         with at_each_line(lambda _: check()):  # a long search ends as soon as its result is in vain
             looked = _first_look(study, store)
             diagnosis = _diagnosed(study, store)
@@ -111,7 +115,7 @@ class _Selected(NamedTuple):
 
 @contextmanager
 def _selecting(
-    study: Study, store: Store, progress: bool
+    study: Study, store: Store, progress: bool, process: Subprocess | None
 ) -> Iterator[tuple[Callable[[], None], Callable[[], _Selected]]]:
     """Screen and calibrate selections, in a process of its own where a network is to be trained, beside the search.
     Yields a function that raises errors of that process, and one that waits for the result.
@@ -127,7 +131,8 @@ def _selecting(
         return
     require_network()
     _log.info("screening by %s and calibration, beside the search", ", ".join(study.screening.methods))
-    with in_subprocess(_selected, study, Store(store.folder), False) as call:
+    with nullcontext(process) if process else subprocess_importing() as own:
+        call = own.call(_selected, study, Store(store.folder), False)
 
         def wait() -> _Selected:
             if not call.done:

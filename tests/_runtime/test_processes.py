@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from errorscreen._runtime import processes
-from errorscreen._runtime.processes import in_subprocess
+from errorscreen._runtime.processes import in_subprocess, subprocess_importing
 from errorscreen.exceptions import DataWarning, InputError
 
 HERE = os.getpid()
@@ -51,6 +51,11 @@ def test_the_result_comes_from_another_process():
     with in_subprocess(os.getpid) as call:
         assert call.result() != HERE
         assert call.done
+
+
+def test_a_process_that_began_early_has_imported_what_it_was_asked_for():
+    with subprocess_importing("this.module.is.nowhere", "fractions") as process:
+        assert process.call(lambda: "fractions" in sys.modules).result()
 
 
 def test_what_has_no_name_in_a_module_is_passed_on():
