@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from errorscreen.discovery.finder import CauseFinder
     from errorscreen.exceptions import InputError
     from errorscreen.models.dyr import read_dyr
+    from errorscreen.models.raw import read_raw
     from errorscreen.parameters import Parameter, ParameterSpace
     from errorscreen.simulators.external.callable import CallableSimulator
     from errorscreen.simulators.grid.simulator import PowerSystemSimulator as Grid
@@ -48,6 +49,7 @@ __all__ = [
     "load_case",
     "read",
     "read_dyr",
+    "read_raw",
 ]
 #: modules of the public names, and names that are shorter here
 _MODULES = {
@@ -57,6 +59,7 @@ _MODULES = {
     "discovery": ("CauseFinder", "diagnose"),
     "exceptions": ("InputError",),
     "models.dyr": ("read_dyr",),
+    "models.raw": ("read_raw",),
     "parameters": ("Parameter", "ParameterSpace"),
     "simulators": ("CallableSimulator", "Grid", "ODESimulator", "Plant"),
 }

@@ -96,6 +96,38 @@ class _Driven(Event):
 
 
 @dataclass(frozen=True)
+class SetPointStep:
+    """A step of a set-point at a known instant.
+
+    Parameters
+    ----------
+    quantity : str
+        ``"Vref"``, ``"Pref"``, ``"Qref"`` or ``"Qext"``.
+    time : float
+        Instant in seconds on the time axis of the recording.
+    size : float, optional
+        In pu; a candidate parameter where not given.
+
+    Examples
+    --------
+    >>> SetPointStep("Vref", 1.0, 0.02).size
+    0.02
+    """
+
+    quantity: str
+    time: float
+    size: float | None = None
+
+    def __post_init__(self) -> None:
+        where = f"step of {self.quantity}"
+        check_real(self.time, "the instant", where=where)
+        if self.size is not None and check_real(self.size, "the size", where=where) == 0:
+            raise InputError(
+                "the size is 0", where=where, allowed="another number, or none if it is to be found"
+            )
+
+
+@dataclass(frozen=True)
 class Playback(_Driven):
     """Measured signals that are injected at the terminal of a device.
 
@@ -103,18 +135,21 @@ class Playback(_Driven):
     ----------
     signals : mapping of str to ndarray of shape (L,)
         ``"V"`` magnitude in pu and, where recorded, ``"angle"`` in rad; ``"P"`` and ``"Q"`` in pu where the voltage
-        behind an impedance is wanted.
+        behind an impedance is wanted; ``"Efd"``, ``"Pm"`` in pu where they drive the device.
     initial : mapping of str to float
-        Pre-event values that give the equilibrium: ``"V"``, ``"P"``, ``"Q"`` in pu.
+        Pre-event values that give the equilibrium: ``"V"``, ``"P"``, ``"Q"`` in pu; and those of ``"Efd"``, ``"Pm"``.
     noise : mapping of str to float
         Standard deviation of the measurement noise of each signal; ``"f"`` where the angle is the integral of a
         frequency. Empty for signals without noise.
     age : float
         Seconds that readings may be older than their time stamps, because a meter holds them.
+    steps : tuple of SetPointStep
+        Steps of set-points of the device.
     """
 
     noise: Mapping[str, float] = field(default_factory=dict)
     age: float = 0.0
+    steps: tuple[SetPointStep, ...] = ()
 
 
 @dataclass(frozen=True)

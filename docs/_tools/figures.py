@@ -23,6 +23,7 @@ _LOAD_BUS = 4
 _UNITS = (
     ("GENROU", "SEXS", "TGOV1"),
     ("GENROU", "SEXS", "TGOV1", "STAB1"),
+    ("GENROU", "SEXS", "MNLEX2"),
     ("GENSAL", "SEXS", "HYGOV"),
     ("GENROU",),
     ("REGCA1", "REECA1", "REPCA1"),

@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from errorscreen.engine.kernels import new_engine
 from errorscreen.models.device import Device
@@ -49,6 +49,7 @@ def play(
     step: float = 0.0005,
     constants: Mapping[str, float] | None = None,
     power: float | None = None,
+    inputs: Mapping[str, NDArray[np.float64]] | None = None,
 ) -> dict[str, NDArray[np.float64]]:
     """Quantities of a unit while a recorded voltage is imposed on its terminal.
 
@@ -70,6 +71,8 @@ def play(
         Constants and candidates other than the device's.
     power : float, optional
         Mechanical power at the start; that at rest where not given.
+    inputs : mapping of str to ndarray of shape (L,), optional
+        Recorded quantities that drive the device (`Device.driven`), in pu.
 
     Returns
     -------
@@ -97,6 +100,7 @@ def play(
     values |= states | setpoints
     x, fixed, _ = assembly.starting(engine.model, values, np.array([True]), 1)
     phasor = V * np.exp(1j * angle)
+    recorded = [np.asarray(inputs[name], dtype=float) for name in device.driven] if inputs else []
     together = np.diff(time) < _SAME
     jumps = [0, *(np.flatnonzero(together & (np.abs(np.diff(phasor)) > _JUMP)) + 1), len(time)]
     out = {name: np.empty(len(time)) for name in record}
@@ -106,7 +110,9 @@ def play(
         half = time[first] + np.arange(2 * steps + 1) * 0.5 * (time[last - 1] - time[first]) / steps
         distinct = np.concatenate([[True], ~together[first : last - 1]])
         spline = CubicSpline(time[rows][distinct], phasor[rows][distinct])(half)
-        u = np.column_stack([spline.real, spline.imag])
+        between = [PchipInterpolator(time[rows][distinct], row[rows][distinct])(half) for row in recorded]
+        deviations = [course - row[0] for course, row in zip(between, recorded, strict=True)]
+        u = np.column_stack([spline.real, spline.imag, *deviations])
         found = engine.integrate(
             x, fixed, u, h=2 * (half[1] - half[0]), record=[*record, *engine.model.states]
         )[0]

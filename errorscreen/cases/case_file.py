@@ -11,6 +11,7 @@ from pydantic import PrivateAttr, ValidationError
 
 from errorscreen.cases.case_models import (
     CalibrationSection,
+    ColumnSection,
     DiscoverySection,
     RecordingSection,
     RunSection,
@@ -19,16 +20,19 @@ from errorscreen.cases.case_models import (
 )
 from errorscreen.cases.key_errors import explained, placed
 from errorscreen.cases.keys import key_tables
-from errorscreen.cases.model_sections import EVENTS, DeviceSection, GridSection, PlantSection
+from errorscreen.cases.model_sections import EVENTS, DeviceSection, GridSection
+from errorscreen.cases.plant_section import PlantSection
 from errorscreen.cases.section import Section, setting
 from errorscreen.data.recordings import Recording
+from errorscreen.events import SetPointStep
 from errorscreen.exceptions import InputError, check_integer
 from errorscreen.parameters import ParameterSpace
+from errorscreen.simulators.plant.from_raw import RawPlant
 
 #: lists of further recordings, in the order of a study
 _FURTHER = ("together", "held_out")
 #: keys of [recording] that a further recording does not take over
-_OWN = ("path", "name", "event_time", "t_start", "t_end", "load_level", *EVENTS)
+_OWN = ("path", "name", "event_time", "t_start", "t_end", "load_level", "step", *EVENTS)
 
 
 class Case(Section):
@@ -83,6 +87,11 @@ class Case(Section):
             found |= {f"{key}[{n}]": section for n, section in enumerate(getattr(self, key), start=1)}
         return found
 
+    @property
+    def steps(self) -> tuple[SetPointStep, ...]:
+        """Steps of set-points in all recordings."""
+        return tuple(step for section in self.recordings.values() for step in section.steps)
+
     def parameters(self) -> ParameterSpace:
         """Candidate parameters of the device or grid with this case's values and bounds.
 
@@ -92,16 +101,35 @@ class Case(Section):
             If there is neither device nor grid, or both; a parameter or a constant is unknown; a range excludes its
             nominal value; or `top_k` is larger than the number of parameters.
         """
-        models = [model for model in (self.device, self.grid) if model is not None]
-        if len(models) != 1:
-            found = "[device] and [grid] are both" if models else "neither [device] nor [grid] is"
+        if (self.device is None) == (self.grid is None):
+            found = "neither [device] nor [grid] is" if self.grid is None else "[device] and [grid] are both"
             raise InputError(f"{found} given", allowed="one of the two")
-        if self.plant is not None and self.device is None:
-            raise InputError("[plant] is given with [grid]", allowed="only with [device]")
-        space = models[0].space(self.folder)
+        if self.device is not None:
+            space = self.device.space(self.folder, self.steps)
+        else:
+            assert self.grid is not None
+            if self.plant is not None:
+                raise InputError("[plant] is given with [grid]", allowed="only with [device]")
+            space = self.grid.space(self.folder)
         if self.screening.top_k is not None:
             check_integer(self.screening.top_k, "screening.top_k", high=len(space))
         return space
+
+    def network(self) -> RawPlant | None:
+        """Unit in the RAW file of [plant], which all recordings must fit in base and frequency; None without a file.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be used, or disagrees with a recording.
+        """
+        if self.plant is None or self.device is None:
+            return None
+        found = self.plant.in_network(self.folder, self.device)
+        if found is not None:
+            for where, section in self.recordings.items():
+                found.check(section.base_mva, section.base_kv, section.f_nominal, where)
+        return found
 
     def check_events(self) -> None:
         """Refuse a recording of a grid without its event, and a recording of a device with one.
@@ -109,11 +137,13 @@ class Case(Section):
         Raises
         ------
         InputError
-            If a recording of a grid has no `event_time` or not exactly one of `EVENTS`, or a recording of a device has
-            an event or a load level.
+            If a recording of a grid has no `event_time` or not exactly one of `EVENTS`, or has a step of a set-point;
+            or a recording of a device has an event or a load level.
         """
         for where, section in self.recordings.items():
             found = list(section.events)
+            if self.grid is not None and section.step:
+                raise InputError("step is given", where=where, allowed="only with [device]")
             if self.grid is None:
                 found += ["load_level"] * (section.load_level != 1.0)
                 if found:
@@ -130,6 +160,18 @@ class Case(Section):
                     allowed="the instant of the event in s",
                     remedy="A detected start may be a sample late, which a simulated grid would show as an error",
                 )
+
+    def check_inputs(self) -> None:
+        """Refuse a recording without the channels that drive the unit; `InputError` names the missing one."""
+        for where, section in self.recordings.items():
+            for name in () if self.device is None else self.device.inputs:
+                if section.columns.get(name, ColumnSection(value=0.0)).value is not None:
+                    raise InputError(
+                        f"{name} is an input of the unit, but no column is mapped to it",
+                        where=f"{where}.columns",
+                        allowed="a column for each of device.inputs",
+                        remedy=f'Add [{where}.columns.{name}] with column = "…", or leave {name} out of inputs',
+                    )
 
     def check_apart(self) -> None:
         """Refuse a recording that is given twice: the fitted recording cannot confirm its own fit.
@@ -189,7 +231,9 @@ def load_case(path: str | os.PathLike[str]) -> Case:
         case._folder, case._source = path.parent, source
         case.parameters()
         case.check_events()
+        case.check_inputs()
         case.check_apart()
+        case.network()
     except ValidationError as error:
         raise explained(error, Case, _FURTHER, source) from None
     except InputError as error:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from errorscreen.calibration import CALIBRATORS
 from errorscreen.cases.model_sections import (
@@ -14,10 +15,12 @@ from errorscreen.cases.model_sections import (
     FaultSection,
     LineTripSection,
     LoadStepSection,
+    StepSection,
 )
 from errorscreen.cases.section import Count, NameIn, Positive, Section, each_once, setting
 from errorscreen.data import READERS, Column, read_recording
 from errorscreen.data.recordings import Recording
+from errorscreen.events import SetPointStep
 from errorscreen.exceptions import InputError
 from errorscreen.screening import SCREENERS
 
@@ -40,6 +43,11 @@ class ColumnSection(Section):
     real: str | None = setting(None, "V: header of the real part, instead of column")
     imag: str | None = setting(None, "V: header of the imaginary part")
     value: float | None = setting(None, "stated pre-event value of an unmeasured channel")
+
+
+def _listed(found: Any) -> Any:
+    """A single table as a list of one."""
+    return [found] if isinstance(found, dict) else found
 
 
 class RecordingSection(Section):
@@ -75,6 +83,7 @@ class RecordingSection(Section):
     fault: FaultSection | None = setting(None, "grid: the event")
     line_trip: LineTripSection | None = setting(None, "grid: the event")
     load_step: LoadStepSection | None = setting(None, "grid: the event")
+    step: Annotated[list[StepSection], BeforeValidator(_listed)] = setting([], "device: steps of set-points")
 
     @model_validator(mode="after")
     def _some_window(self) -> RecordingSection:
@@ -84,6 +93,22 @@ class RecordingSection(Section):
             )
         return self
 
+    @model_validator(mode="after")
+    def _steps_in_event(self) -> RecordingSection:
+        first = self.steps[0] if self.step else None
+        if first is not None and self.event_time is not None and first.time < self.event_time:
+            raise InputError(
+                f"{first.quantity} steps at {first.time:g} s, but event_time is {self.event_time:g} s",
+                allowed="the event begins at the first step, or before",
+                remedy="Leave event_time out, or correct it: before it, the unit rests",
+            )
+        return self
+
+    @property
+    def steps(self) -> tuple[SetPointStep, ...]:
+        """Steps of set-points, the first one first."""
+        return tuple(sorted((section.step for section in self.step), key=lambda step: step.time))
+
     @property
     def events(self) -> dict[str, EventSection]:
         """Events in the grid by key; a recording of a grid needs exactly one."""
@@ -91,11 +116,17 @@ class RecordingSection(Section):
         return {key: section for key, section in found.items() if section is not None}
 
     def load(self, folder: Path, dt: float | None = None) -> Recording:
-        """Read the window of the file and apply the shift, which resamples to `dt` seconds."""
-        direct = {"path", "format", "columns", "shift", *EVENTS, "load_level"}
+        """Read the window of the file and apply the shift, which resamples to `dt` seconds.
+
+        Without an event time, the event begins at the first step of a set-point.
+        """
+        direct = {"path", "format", "columns", "shift", "step", *EVENTS, "load_level"}
         columns = {role: Column(**dict(section)) for role, section in self.columns.items()}
         options = {key: value for key, value in self if key not in direct}
+        if self.steps and self.event_time is None:
+            options["event_time"] = self.steps[0].time
         recording = read_recording(folder / self.path, columns, self.format, **options)
+        recording = replace(recording, steps=self.steps)
         return recording.resample(dt, shift=self.shift) if self.shift else recording
 
 

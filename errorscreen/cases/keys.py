@@ -33,10 +33,13 @@ def key_tables(model: type[BaseModel], section: str | None = None) -> str:
 
 
 def sections(model: type[BaseModel], above: str = "") -> Iterator[tuple[str, type[BaseModel]]]:
-    """Sections below a model by dotted name; those in lists are left out, they have the keys of a single one."""
+    """Sections below a model by dotted name; a list of sections that stand alone as well is left out."""
+    alone = [
+        nested(f.annotation) for f in model.model_fields.values() if get_origin(f.annotation) is not list
+    ]
     for key, field in model.model_fields.items():
         inner = nested(field.annotation)
-        if inner is not None and get_origin(field.annotation) is not list:
+        if inner is not None and (get_origin(field.annotation) is not list or inner not in alone):
             name = f"{above}{key}" + (".NAME" if get_origin(field.annotation) is dict else "")
             yield name, inner
             yield from sections(inner, f"{name}.")

@@ -9,17 +9,17 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, PrivateAttr, model_validator
+from pydantic import AfterValidator, Field, PrivateAttr, model_validator
 
 from errorscreen.cases.ieee39 import PLANTS, load_ieee39
-from errorscreen.cases.section import NameIn, NotNegative, Positive, Section, setting
-from errorscreen.events import BusFault, GridEvent, LineTrip, LoadStep
+from errorscreen.cases.section import NameIn, NotNegative, Positive, Section, each_once, setting
+from errorscreen.events import BusFault, GridEvent, LineTrip, LoadStep, SetPointStep
 from errorscreen.exceptions import InputError
 from errorscreen.models import DEVICES, Device
 from errorscreen.models.dyr import DyrFile, read_dyr
+from errorscreen.models.set_points import size_name, with_steps
 from errorscreen.parameters import Parameter, ParameterSpace
 from errorscreen.simulators import PowerSystemSimulator
-from errorscreen.simulators.plant.connection import Connection
 
 #: a shift of an instant by less, in s, comes from rounded time stamps
 _TOLD = 2e-5
@@ -94,6 +94,11 @@ class DeviceSection(CandidatesSection):
         None, "identifier of the unit in dyr; needed where the bus has several units"
     )
     leave_out: list[str] = setting([], "models of dyr that shall not count, for example of a protection")
+    inputs: Annotated[list[Literal["Efd", "Pm"]], AfterValidator(each_once)] = setting(
+        [],
+        "recorded channels that drive the unit of dyr: Efd instead of its exciter, stabiliser, compensator and "
+        "limiters, Pm instead of its governor",
+    )
     constants: dict[str, float] = setting({}, "values of other constants")
     grid_resistance: NotNegative = setting(
         0.0,
@@ -101,6 +106,15 @@ class DeviceSection(CandidatesSection):
         "voltage",
     )
     grid_reactance: NotNegative = setting(0.0, "the same, reactance")
+    constant_frequency: bool = setting(
+        False,
+        "for recordings without angle and f: the frequency of the terminal stays what it was before the event",
+    )
+    angle_reactance: NotNegative = setting(
+        0.0,
+        "for recordings without angle and f: reactance in pu of the device's base to a source of constant angle, "
+        "against which V, P and Q give the angle",
+    )
     _file: DyrFile | None = PrivateAttr(default=None)
 
     @property
@@ -115,6 +129,8 @@ class DeviceSection(CandidatesSection):
             raise InputError(f"{found} given", allowed="one of the two: the kind of a plant, or a model file")
         if self.dyr is None and not (self.bus is None and self.id is None):
             raise InputError("bus or id is given without dyr", allowed="only with a model file")
+        if self.dyr is None and self.inputs:
+            raise InputError("inputs are given without dyr", allowed="only with a model file")
         return self
 
     def file(self, folder: Path) -> DyrFile | None:
@@ -123,35 +139,30 @@ class DeviceSection(CandidatesSection):
             self._file = read_dyr(folder / self.dyr)
         return self._file
 
-    def model(self, folder: Path) -> Device:
-        """Device of this section, its files relative to a folder."""
+    def model(self, folder: Path, steps: Sequence[SetPointStep] = ()) -> Device:
+        """Device of this section with the steps of its recordings; its files are relative to a folder."""
         file = self.file(folder)
         if file is None:
             assert self.type is not None
-            return DEVICES[self.type]
-        return file.unit(self.bus, self.id, leave_out=self.leave_out)
+            device = DEVICES[self.type]
+        else:
+            device = file.unit(self.bus, self.id, leave_out=self.leave_out, inputs=self.inputs)
+        return with_steps(device, steps)
 
-    def space(self, folder: Path) -> ParameterSpace:
-        """Candidates of the device; `InputError` if a parameter or a constant is unknown."""
-        device = self.model(folder)
+    def space(self, folder: Path, steps: Sequence[SetPointStep] = ()) -> ParameterSpace:
+        """Candidates of the device; `InputError` if a parameter or a constant is unknown, or a size cannot be found."""
+        device = self.model(folder, steps)
         device.constant_values(self.constants, in_grid=self.grid_impedance != 0)
-        return self.apply(device.candidates)
-
-
-class PlantSection(Section):
-    """Connection of the unit to the recorded point, in pu of the unit's base."""
-
-    resistance: NotNegative = setting(0.0, "R of transformer, collector and line in series")
-    reactance: NotNegative = setting(0.0, "the same, X")
-    tap: Positive = setting(1.0, "ratio of the transformer in pu; above 1 the recorded voltage is higher")
-    shunt: float = setting(0.0, "susceptance B at the recorded point; a capacitor is positive")
-    auxiliary_p: float = setting(0.0, "active power of a load that is supplied before the recorded point")
-    auxiliary_q: float = setting(0.0, "the same, reactive power")
-
-    @property
-    def connection(self) -> Connection:
-        """The same for a simulator."""
-        return Connection(**self.model_dump())
+        space = self.apply(device.candidates)
+        for quantity, sought in device.steps.items():
+            if sought and size_name(quantity) not in space:
+                raise InputError(
+                    f"the size of the step of {quantity} is not given, and {size_name(quantity)!r} is no candidate",
+                    where="device.candidates",
+                    allowed="a size, or a candidate that finds it",
+                    remedy=f"State size in [[recording.step]], or add {size_name(quantity)!r} to candidates",
+                )
+        return space
 
 
 class GridSection(CandidatesSection):
@@ -297,6 +308,24 @@ class LoadStepSection(EventSection):
         """Event on a time axis in seconds."""
         buses = None if self.buses is None else tuple(self.buses)
         return LoadStep(time, name, start, factor=self.factor, buses=buses, level=level)
+
+
+class StepSection(Section):
+    """A step of a set-point of the unit, as in a step test; several stand in [[recording.step]] one after the other."""
+
+    quantity: Literal["Vref", "Pref", "Qref", "Qext"] = setting(
+        ...,
+        "set-point: voltage, active power, reactive power of a plant controller, or that of a converter without one",
+    )
+    time: float = setting(..., "its instant in s")
+    size: float | None = setting(
+        None, "in pu of the unit's base; a candidate parameter, quantity.step, if not given"
+    )
+
+    @property
+    def step(self) -> SetPointStep:
+        """The same for a recording."""
+        return SetPointStep(self.quantity, self.time, self.size)
 
 
 #: keys of a recording for its event in a grid

@@ -13,6 +13,7 @@ from errorscreen._runtime.display import Displayed, listed, span
 from errorscreen.data import preparation, resampling, signals
 from errorscreen.data.channels import ROLE_UNITS, Channel, channel_arrays, check_axes, summary_of
 from errorscreen.data.panels import Curves, plot_curves, with_unit
+from errorscreen.events import SetPointStep
 from errorscreen.exceptions import InputError, unknown_name
 
 if TYPE_CHECKING:
@@ -46,6 +47,8 @@ class Recording(Displayed):
         Pre-event values that were not measured, for example ``{"P": 0.54}``.
     assumptions : tuple of str
         Sentences on assumptions and repairs, for the report.
+    steps : tuple of SetPointStep
+        Steps of set-points of the plant; give them with ``dataclasses.replace``.
 
     Raises
     ------
@@ -64,6 +67,7 @@ class Recording(Displayed):
     base_kv: float | None = None
     given: Mapping[str, float] = field(default_factory=dict)
     assumptions: tuple[str, ...] = ()
+    steps: tuple[SetPointStep, ...] = ()
 
     def __post_init__(self) -> None:
         where = f"recording {self.name!r}"

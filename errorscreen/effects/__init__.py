@@ -11,6 +11,8 @@ from errorscreen.effects.excitation_limiters import (
     FIELD_CURRENT_LIMITER,
     STATOR_CURRENT_LIMITER,
     UNDER_EXCITATION_LIMITER,
+    UNIT_FIELD_LIMITER,
+    UNIT_UNDER_EXCITATION_LIMITER,
     VOLTS_PER_HERTZ_LIMITER,
 )
 from errorscreen.effects.exciter import EXCITER, UNIT_EXCITER
@@ -20,11 +22,16 @@ from errorscreen.effects.hydro_governor import HYDRO_GOVERNOR
 from errorscreen.effects.latent_input import latent_input
 from errorscreen.effects.load import FREQUENCY_DEPENDENCE, MOTOR_LOAD, STATIC_ACTIVE, STATIC_REACTIVE
 from errorscreen.effects.measurement import common_skew, measurement_effects
-from errorscreen.effects.parts_acting import GOVERNOR_ACTING, REGULATOR_ACTING, STABILISER_ACTING
+from errorscreen.effects.parts_acting import (
+    GOVERNOR_ACTING,
+    REGULATOR_ACTING,
+    STABILISER_ACTING,
+    UNDER_EXCITATION_ACTING,
+)
 from errorscreen.effects.phase_locked_loop import PHASE_LOCKED_LOOP
 from errorscreen.effects.ramp_limit import RAMP_LIMIT
 from errorscreen.effects.ride_through import HIGH_VOLTAGE_TRIP, RIDE_THROUGH, RIDE_THROUGH_TRIP
-from errorscreen.effects.saturation import SATURATION
+from errorscreen.effects.saturation import SATURATION, UNIT_SATURATION
 from errorscreen.effects.stabiliser import STABILISER, STABILISER_INPUT
 from errorscreen.effects.volt_var import VOLT_VAR
 from errorscreen.exceptions import InputError
@@ -41,11 +48,15 @@ EFFECTS: Registry[Effect] = Registry(
         "stabiliser": STABILISER,
         "stabiliser_input": STABILISER_INPUT,
         "stabiliser_acting": STABILISER_ACTING,
+        "under_excitation_acting": UNDER_EXCITATION_ACTING,
         "regulator_acting": REGULATOR_ACTING,
         "saturation": SATURATION,
+        "unit_saturation": UNIT_SATURATION,
         "field_limiter": FIELD_CURRENT_LIMITER,
+        "unit_field_limiter": UNIT_FIELD_LIMITER,
         "stator_limiter": STATOR_CURRENT_LIMITER,
         "under_excitation": UNDER_EXCITATION_LIMITER,
+        "unit_under_excitation": UNIT_UNDER_EXCITATION_LIMITER,
         "volts_per_hertz": VOLTS_PER_HERTZ_LIMITER,
         "governor": GOVERNOR,
         "hydro_governor": HYDRO_GOVERNOR,
@@ -65,11 +76,11 @@ EFFECTS: Registry[Effect] = Registry(
         "static_reactive": STATIC_REACTIVE,
         "frequency_dependence": FREQUENCY_DEPENDENCE,
         "motor": MOTOR_LOAD,
-        "oscillation_Pm": forced_oscillation("Pm", "synchronous_machine", "machine unit"),
+        "oscillation_Pm": forced_oscillation("Pm", "synchronous_machine", "computed Pm"),
         "oscillation_Pwi": forced_oscillation("Pwi", "dfig_plant"),
         "oscillation_Ip_cmd": forced_oscillation("Ip_cmd", "pv_plant"),
-        "latent_Efd": latent_input("Efd", 4.0, devices=("synchronous_machine", "machine unit")),
-        "latent_Pm": latent_input("Pm", 1.0, devices=("synchronous_machine", "machine unit")),
+        "latent_Efd": latent_input("Efd", 4.0, devices=("synchronous_machine", "computed Efd")),
+        "latent_Pm": latent_input("Pm", 1.0, devices=("synchronous_machine", "computed Pm")),
         "latent_Ip_cmd": latent_input("Ip_cmd", 1.0, devices=("dfig_plant", "pv_plant")),
         "latent_Qcmd": latent_input("Qcmd", 1.0, devices=("dfig_plant",)),
         "latent_Iq_cmd": latent_input("Iq_cmd", 1.0, devices=("pv_plant",)),

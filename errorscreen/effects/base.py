@@ -19,8 +19,9 @@ from errorscreen.parameters import Parameter
 
 Values = dict[str, NDArray[np.float64]]
 
-#: an effect belongs to the plant, to the measurement, to the event in the grid, or is an unknown signal
-KINDS = ("mechanism", "measurement", "event", "latent")
+#: an effect belongs to the plant, changes its constants, belongs to the measurement, to the event in the grid, or is an
+#: unknown signal
+KINDS = ("mechanism", "constants", "measurement", "event", "latent")
 #: prefix of a port that is a measured channel, and the port of all channels
 CHANNEL, ALL_CHANNELS = "channel.", "channels"
 #: between the name of an effect and the name of the only recording in which it acts
@@ -62,14 +63,15 @@ class Effect:
     title : str
         For reports.
     port : str
-        The quantity it changes: a port of the device, ``"channel." + name`` for a measured channel, or ``"channels"``
-        for all of them.
+        The quantity it changes: a port of the device, ``"channel." + name`` for a measured channel, ``"channels"``
+        for all of them, or a constant of the device, without the name of the part that has it.
     equations : callable
         The first argument, ``value``, is the quantity at the port. The others are quantities of the device, or the
         effect's own states, parameters and derived constants. Returns the new value, then those of the ports
         `beside`, then the derivatives of the states. Of a measurement: ``equations(values, h, *parameters)`` returns
         the measured record (n, L) from the true one ``values`` (n, L), with the step `h` in seconds and parameters
-        (n,). Of an event: ``equations(event, *parameters)`` returns the event as it was.
+        (n,). Of an event: ``equations(event, *parameters)`` returns the event as it was. Of constants:
+        ``equations(*parameters)`` returns the values of `port` and `beside`.
     parameters : tuple of Parameter
         The first is the strength: 0 is allowed and is the identity.
     states : tuple of str
@@ -83,7 +85,8 @@ class Effect:
     recorded : callable, optional
         Of a measurement: ``recorded(value, *parameters)`` returns the true value before the event from the recorded
         one.
-    kind : {"mechanism", "measurement", "event", "latent"}
+    kind : {"mechanism", "constants", "measurement", "event", "latent"}
+        Effects on constants act before the start, so the equilibrium follows.
     devices : tuple of str
         Names of the devices whose models it is compiled into, or tags that a device may have.
     device : str

@@ -16,11 +16,18 @@ with
 - volts per hertz: :math:`q = V/\omega`, s = 1.
 
 A limit below the equilibrium is moved just above it, so that a strength of 0 is an identity at any loading.
+
+In a unit of standard models with an exciter, the signal acts where limiters enter it, added to the error of voltage.
+Over-excitation is (L1) with the field current :math:`X_{ad}I_{fd}` of the machine and :math:`V_{OEL} = -x`,
+:math:`x_{max} = 0.3` pu. Under-excitation has a gain and a lag, as minimum excitation limiters have:
+
+.. math:: T\,\dot x = K\,(Q_{min} - Q) - x,\quad 0 \le V_{UEL} = x \le x_{max}                  \qquad (L3)
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -31,6 +38,8 @@ from errorscreen.engine.vmath import clip, hold_at_limits
 from errorscreen.parameters import Parameter
 
 _X_MAX = 3.0
+#: the same of a signal at the summing point of an exciter
+_SIGNAL_MAX = 0.3
 #: reactive power in pu within which the stator-current limiter reverses its direction
 _Q_BAND = 0.05
 _MARGIN = 1e-3
@@ -51,6 +60,16 @@ def stator_current(value: Any, Id: Any, Iq: Any, Q: Any, limit: Any, x: Any, K: 
 def under_excitation(value: Any, Q: Any, limit: Any, x: Any, K: Any) -> Any:
     """Under-excitation limiter, (L1), (L2)."""
     return value + x, hold_at_limits(x, K * (-Q - limit), 0.0, _X_MAX)
+
+
+def over_excitation_signal(value: Any, If: Any, limit: Any, x: Any, K: Any) -> Any:
+    """Over-excitation limiter of a unit with an exciter, (L1)."""
+    return value - x, hold_at_limits(x, K * (If - limit), 0.0, _SIGNAL_MAX)
+
+
+def under_excitation_signal(value: Any, Q: Any, limit: Any, x: Any, K: Any, T: Any, top: Any) -> Any:
+    """Under-excitation limiter of a unit with an exciter, (L3)."""
+    return value + clip(x, 0.0, top), hold_at_limits(x, (K * (-Q - limit) - x) / T, 0.0, top)
 
 
 def volts_per_hertz(value: Any, V: Any, omega: Any, limit: Any, x: Any, K: Any) -> Any:
@@ -125,3 +144,28 @@ VOLTS_PER_HERTZ_LIMITER = _limiter(
     "Above the limit of voltage over frequency the field voltage is lowered to protect the iron.",
     ("an exciter", "a field-current limiter"),
 )  # fmt: skip
+
+UNIT_FIELD_LIMITER = replace(
+    FIELD_CURRENT_LIMITER,
+    port="VOEL",
+    devices=("exciter without over_excitation",),
+    equations=over_excitation_signal,
+    parameters=(
+        strength("K", 0.05, 0.5, "1/s", "field-current limiter", "K", "integral gain; 0: none"),
+        FIELD_CURRENT_LIMITER.parameters[1],
+    ),
+    formula="VOEL = −x, dx/dt = K (If − If_max), 0 ≤ x ≤ 0.3 pu",
+)
+UNIT_UNDER_EXCITATION_LIMITER = replace(
+    UNDER_EXCITATION_LIMITER,
+    port="VUEL",
+    devices=("exciter without under_excitation",),
+    equations=under_excitation_signal,
+    parameters=(
+        strength("K", 1.0, 10.0, "pu", "under-excitation limiter", "K", "gain; 0: none"),
+        UNDER_EXCITATION_LIMITER.parameters[1],
+        value("T", 0.5, 0.02, 3.0, "s", "under-excitation limiter", "T", "time constant"),
+        value("top", 0.1, 0.01, 0.5, "pu", "under-excitation limiter", "x_max", "upper limit of the signal"),
+    ),
+    formula="VUEL = [K / (1 + s T) · (Q_min − Q)] within 0, x_max",
+)

@@ -14,8 +14,8 @@ from typing import Any
 from errorscreen.effects.base import Effect, strength
 
 
-def stabiliser_share(value: Any, a: Any) -> Any:
-    """Signal of the stabiliser, which is zero at rest, (A1)."""
+def signal_share(value: Any, a: Any) -> Any:
+    """Signal of a stabiliser or a limiter, which is zero at rest, (A1)."""
     return (value - a * value,)
 
 
@@ -34,7 +34,7 @@ STABILISER_ACTING = Effect(
     title="The stabiliser does not act",
     port="Vs",
     devices=("with stabiliser",),
-    equations=stabiliser_share,
+    equations=signal_share,
     parameters=(
         strength(
             "a", 1.0, 2.5, "", "stabiliser", "a", "1: out of service, 2: wrong sign, 0: as the model says"
@@ -44,6 +44,23 @@ STABILISER_ACTING = Effect(
     description="The stabiliser of the model was out of service (a = 1), or its input has the wrong sign (a = 2).",
     source="IEEE Std 421.5-2016, power system stabilisers",
     confused_with=("another gain of the stabiliser", "a larger damping coefficient D"),
+)
+UNDER_EXCITATION_ACTING = Effect(
+    name="under_excitation_acting",
+    title="The under-excitation limiter does not act",
+    port="VUEL",
+    devices=("with under_excitation",),
+    equations=signal_share,
+    parameters=(
+        strength(
+            "a", 1.0, 1.5, "", "under-excitation limiter", "a", "1: out of service, 0: as the model says"
+        ),
+    ),
+    formula="VUEL = (1 − a) VUEL*",
+    description="The under-excitation limiter of the model was out of service (a = 1): the machine consumed more "
+    "reactive power than its model allows.",
+    source="IEEE Std 421.5-2016, underexcitation limiters",
+    confused_with=("another limit of the limiter", "another gain of the regulator"),
 )
 REGULATOR_ACTING = Effect(
     name="regulator_acting",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,11 +39,13 @@ class GridInterface:
 
     Parameters
     ----------
-    kind : {"rotor", "norton", "current"}
+    kind : {"rotor", "norton", "current", "solved"}
         The device seen from the grid: electromotive forces Ed1, Eq1 behind Ra, Xd1, Xq1 in the rotor's frame of
-        angle delta; the current Cr + jCi beside the reactance Xpp; or the current Cr + jCi alone.
+        angle delta; the current Cr + jCi beside the reactance Xpp; the current Cr + jCi alone; or the current
+        Ir + jIi, which it solves for itself. The last one can be driven behind an impedance, but not be part of a
+        simulated grid.
     source : tuple of callable
-        Stages before the solution of the grid; they write Cr and Ci.
+        Stages before the solution of the grid; they write Cr and Ci, or Ir and Ii.
     terminal : tuple of callable
         Stages behind it, in place of the first stage of the device; they may read Vr, Vi, Ir, Ii and size.
     states : tuple of (str, str)
@@ -55,12 +57,30 @@ class GridInterface:
         an impedance, but not be part of a simulated grid.
     """
 
-    kind: Literal["rotor", "norton", "current"]
+    kind: Literal["rotor", "norton", "current", "solved"]
     source: tuple[Equations | Call, ...]
     terminal: tuple[Equations | Call, ...]
     states: tuple[tuple[str, str], ...] = ()
     constants: tuple[Constant, ...] = ()
     names: Mapping[str, str] = field(default_factory=dict)
+
+
+class SetPoint(NamedTuple):
+    """Quantity of a device that a step of a set-point moves, see `errorscreen.models.set_points`.
+
+    Parameters
+    ----------
+    name : str
+        In the model.
+    factor : str
+        Constant that the size is multiplied by; empty for 1.
+    computed : bool
+        Whether equations write it; else it is a constant of the start.
+    """
+
+    name: str
+    factor: str = ""
+    computed: bool = False
 
 
 @dataclass(frozen=True)
@@ -102,6 +122,12 @@ class Device:
         Channels that are compared where they were recorded, beside P and Q, and their quantities.
     tags : tuple of str
         What effects may ask for beside the name, for example ``"without exciter"``.
+    driven : mapping of str to tuple of str
+        Recorded quantities that drive the device beside the terminal voltage, each with the models that it replaces.
+    set_points : mapping of str to SetPoint
+        Set-points that can step, see `errorscreen.models.set_points`.
+    steps : mapping of str to bool
+        Set-points whose steps are compiled in, and whether a size is to be found.
     """
 
     name: str
@@ -118,9 +144,21 @@ class Device:
     grid: GridInterface | None = None
     recordable: Mapping[str, str] = field(default_factory=dict)
     tags: tuple[str, ...] = ()
+    driven: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    set_points: Mapping[str, SetPoint] = field(default_factory=dict)
+    steps: Mapping[str, bool] = field(default_factory=dict)
 
-    inputs = ("Vr", "Vi")
     outputs = ("P", "Q")
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Functions of time that all simulations share: the terminal voltage, recorded deviations, and steps."""
+        steps = [
+            f"{name}.{kind}"
+            for name, sought in self.steps.items()
+            for kind in ("known", "unknown")[: 1 + sought]
+        ]
+        return ("Vr", "Vi", *(f"d{name}" for name in self.driven), *steps)
 
     @property
     def interface(self) -> GridInterface:

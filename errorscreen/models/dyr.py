@@ -95,7 +95,12 @@ class DyrFile(Displayed):
         return [key for key, records in self._by_unit.items() if not _is_source(records)]
 
     def unit(
-        self, bus: Bus | None = None, id: str | int | None = None, *, leave_out: Iterable[str] = ()
+        self,
+        bus: Bus | None = None,
+        id: str | int | None = None,
+        *,
+        leave_out: Iterable[str] = (),
+        inputs: Iterable[str] = (),
     ) -> Device:
         """Device of a unit.
 
@@ -107,13 +112,16 @@ class DyrFile(Displayed):
             Not needed if the bus has one unit.
         leave_out : iterable of str
             Models of records that shall not count, for example of a protection that plays no role.
+        inputs : iterable of str
+            ``"Efd"``, ``"Pm"``: recorded channels that drive a machine instead of its exciter, stabiliser and
+            compensator, or its governor.
 
         Raises
         ------
         InputError
             If there is no such unit, or one of its records cannot be used. Other units do not matter.
         """
-        key = self._key(bus, id)
+        key = self.key(bus, id)
         self._refuse_strays(key[0], only=bus is None)
         records = self._by_unit[key]
         left_out = {name.strip().upper() for name in leave_out}
@@ -122,7 +130,7 @@ class DyrFile(Displayed):
                 name, [one.model for one in records], kind="model", where=f"unit {key[0]} {key[1]!r}"
             )
         kept = [one for one in records if one.model not in left_out]
-        return unit([one.checked() for one in kept])
+        return unit([one.checked() for one in kept], inputs=inputs)
 
     def check(self) -> list[str]:
         """All problems of the file, each with its line."""
@@ -192,7 +200,7 @@ class DyrFile(Displayed):
         InputError
             If a name is unknown, or a record could not be used with the new values.
         """
-        key = self._key(bus, id)
+        key = self.key(bus, id)
         records, models = _known(self._by_unit[key]), {name.partition(".")[0] for name in values}
         # of two models in a slot one may be left out; the same model twice leaves open which one is meant
         in_slots(known for known in records if known.part.name in models)
@@ -252,8 +260,8 @@ class DyrFile(Displayed):
             found.setdefault((one.bus, one.id), []).append(one)
         return found
 
-    def _key(self, bus: Bus | None, id: str | int | None) -> tuple[Bus, str]:
-        """The one unit that is meant."""
+    def key(self, bus: Bus | None = None, id: str | int | None = None) -> tuple[Bus, str]:
+        """Bus and identifier of the one unit that is meant, as for `unit`."""
         where = f"file {self.path}"
         bus = None if bus is None else bus_named(bus)
         name = None if id is None else str(id).strip().upper()

@@ -19,11 +19,13 @@ from errorscreen.exceptions import InputError
 
 #: bytes of the largest file that is read; a model file of a continent has some 20 MB
 LARGEST = 200 * 1024**2
+#: content of the files that are read
+_CONTENT = {"DYR": "dynamic data", "RAW": "power flow data"}
 #: lines that a difference shows around a change
 CONTEXT = 3
 
 _QUOTED = r"""'(?:[^'\r\n]|'')*'|"(?:[^"\r\n]|"")*\""""
-_LINE = re.compile(r"([^\r\n]*)(?:\r\n|\r|\n|\Z)")
+LINE = re.compile(r"([^\r\n]*)(?:\r\n|\r|\n|\Z)")
 _WHOLE_LINE = re.compile(r"[^\r\n]*(?:\r\n|\r|\n)|[^\r\n]+")
 _CODE = re.compile(rf"""(?:[^/'"]+|{_QUOTED}|['"])*""")
 _FIELD = re.compile(rf"""({_QUOTED})|(,)|([^\s,'"]+|['"])""")
@@ -80,22 +82,25 @@ class Span(NamedTuple):
     behind: tuple[int, int] = (0, 0)
 
 
-def read_text(path: Path) -> tuple[str, str]:
-    """Text of a file and its encoding; `InputError` if it is no readable text file of usual size."""
+def read_text(path: Path, kind: str = "DYR") -> tuple[str, str]:
+    """Text of a file and its encoding; `InputError` if it is no readable text file of usual size.
+
+    The kind, ``"DYR"`` or ``"RAW"``, is for messages.
+    """
     where = f"file {path}"
     try:
         status = path.stat()
         if not stat.S_ISREG(status.st_mode):
-            kind = "a directory" if stat.S_ISDIR(status.st_mode) else "a device or a pipe"
+            found_kind = "a directory" if stat.S_ISDIR(status.st_mode) else "a device or a pipe"
             raise InputError(
-                f"is {kind}", where=where, allowed="a file", remedy="Give the path of the DYR file"
+                f"is {found_kind}", where=where, allowed="a file", remedy=f"Give the path of the {kind} file"
             )
         if status.st_size > LARGEST:
             raise InputError(
                 f"has {status.st_size / 2**20:.0f} MiB",
                 where=where,
                 allowed=f"at most {LARGEST // 2**20} MiB",
-                remedy="Check that this is a DYR file, or cut it into several",
+                remedy=f"Check that this is a {kind} file, or cut it into several",
             )
         data = path.read_bytes()
     except FileNotFoundError as error:
@@ -111,8 +116,8 @@ def read_text(path: Path) -> tuple[str, str]:
         raise InputError(
             f"is no text: byte {found.start() + 1} is 0x{found[0][0]:02x}",
             where=where,
-            allowed="a DYR file, which is plain text",
-            remedy="Save the dynamic data of the case as a DYR file; files such as SAV and SNP are not read",
+            allowed=f"a {kind} file, which is plain text",
+            remedy=f"Save the {_CONTENT[kind]} of the case as a {kind} file; files such as SAV and SNP are not read",
         )
     for encoding in ("utf-8-sig" if data[:3] == b"\xef\xbb\xbf" else "utf-8", "latin-1"):
         try:
@@ -132,7 +137,7 @@ def other_format(text: str) -> str:
 def spans(text: str) -> Iterator[Span]:
     """Cut a text into records."""
     lines: list[tuple[int, int, int]] = []
-    for number, found in enumerate(_LINE.finditer(text), start=1):
+    for number, found in enumerate(LINE.finditer(text), start=1):
         start, end = found.span(1)
         body = found[1].replace("\x1a", " ").strip()  # a control-Z ends old files
         if not body or body[0] == "@" or body[:2] in ("//", "/*") or (body[0] == "/" and not lines):
@@ -140,7 +145,7 @@ def spans(text: str) -> Iterator[Span]:
         if lines and _BEGINNING.match(text, start, end) and not _names_a_library_model(text, lines):
             yield Span(tuple(lines), ended=False)
             lines = []
-        code = _end_of_code(text, start, end)
+        code = end_of_code(text, start, end)
         lines.append((number, start, code))
         if code < end:
             yield Span(tuple(lines), ended=True, behind=(code + 1, end))
@@ -149,7 +154,8 @@ def spans(text: str) -> Iterator[Span]:
         yield Span(tuple(lines), ended=False)
 
 
-def _end_of_code(text: str, start: int, end: int) -> int:
+def end_of_code(text: str, start: int, end: int) -> int:
+    """End of a line without its comment."""
     slash = text.find("/", start, end)
     if slash < 0:
         return end

@@ -24,7 +24,15 @@ Values = dict[str, NDArray[np.float64]]
 
 #: slots of a synchronous unit and of a converter unit, in the order of evaluation; the first one meets the grid
 SLOTS = (
-    ("machine", "compensator", "stabiliser", "exciter", "governor"),
+    (
+        "machine",
+        "compensator",
+        "stabiliser",
+        "over_excitation",
+        "under_excitation",
+        "exciter",
+        "governor",
+    ),
     (
         "converter",
         "plant_control",
@@ -199,6 +207,8 @@ class Part:
         What outside trajectory the part is compared with; empty: none.
     aliases : tuple of str
         Other names of the same record.
+    behind : callable, optional
+        Of a converter: its current ``Ir``, ``Ii`` on the voltage ``Er``, ``Ei`` behind ``R_grid`` + j ``X_grid``.
     """
 
     name: str
@@ -216,6 +226,7 @@ class Part:
     source: str = ""
     checked: str = ""
     aliases: tuple[str, ...] = field(default=())
+    behind: Equations | None = None
 
     @property
     def typical(self) -> dict[str, float]:

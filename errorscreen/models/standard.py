@@ -4,6 +4,7 @@ from errorscreen._runtime.registry import Registry
 from errorscreen.models.compensators import COMPENSATORS
 from errorscreen.models.exciters import EXCITERS
 from errorscreen.models.governors import GOVERNORS
+from errorscreen.models.limiters import LIMITERS
 from errorscreen.models.machines import MACHINES
 from errorscreen.models.part import Part
 from errorscreen.models.renewables import CONVERTERS
@@ -16,6 +17,6 @@ PARTS: Registry[Part] = Registry(
     Part,
     {
         part.name: part
-        for part in (*MACHINES, *COMPENSATORS, *EXCITERS, *GOVERNORS, *STABILISERS, *CONVERTERS)
+        for part in (*MACHINES, *COMPENSATORS, *EXCITERS, *LIMITERS, *GOVERNORS, *STABILISERS, *CONVERTERS)
     },
 )

@@ -9,7 +9,10 @@ from typing import Any, Protocol, TypeVar
 from errorscreen.engine.stages import stage, writes_of
 from errorscreen.exceptions import InputError
 from errorscreen.models.device import Constant, Device, GridInterface
+from errorscreen.models.limiters.none import NO_OVER_EXCITATION, NO_UNDER_EXCITATION
 from errorscreen.models.part import SLOTS, Part, Start, Values
+from errorscreen.models.recorded_inputs import RECORDED, REPLACED, take_replaced
+from errorscreen.models.set_points import set_points
 from errorscreen.models.unit_start import UnitStart
 from errorscreen.parameters import ParameterSpace
 
@@ -103,6 +106,8 @@ NULL_PARTS = {
     for part in (
         _null("no compensation", "compensator", "no load compensation", no_compensation),
         _null("no stabiliser", "stabiliser", "no stabiliser", no_stabiliser),
+        NO_OVER_EXCITATION,
+        NO_UNDER_EXCITATION,
         _null("constant field", "exciter", "constant field voltage", constant_field),
         _null("constant power", "governor", "constant mechanical power", constant_power),
         _null("constant references", "plant_control", "constant references", constant_references),
@@ -131,6 +136,8 @@ MACHINE_PORTS = {
     "Pm": "mechanical power in pu",
     "Vs": "signal of the stabiliser in pu",
     "Vc": "voltage that the exciter controls, in pu",
+    "VOEL": "signal of the over-excitation limiter in pu, 0 where it does not act",
+    "VUEL": "signal of the under-excitation limiter in pu, 0 where it does not act",
 }
 #: ports of a converter unit
 CONVERTER_PORTS = {
@@ -212,10 +219,18 @@ def family_of(slots: Mapping[str, Placed]) -> tuple[str, ...]:
                 where=one.where,
                 allowed=f"parts for {', '.join(family)}",
             )
+    for slot in ("over_excitation", "under_excitation"):
+        if slot in slots and "exciter" not in slots:
+            raise InputError(
+                f"{slots[slot].part.name} limits an exciter, but the unit has none",
+                where=slots[slot].where,
+                allowed="an exciter such as SEXS or ESST1A beside it",
+                remedy="Check bus number and identifier of the records, or leave the limiter out",
+            )
     return family
 
 
-def unit(records: Sequence[Record], *, name: str = "") -> Device:
+def unit(records: Sequence[Record], *, name: str = "", inputs: Iterable[str] = ()) -> Device:
     """Device of a unit from its records, in any order.
 
     Parameters
@@ -224,15 +239,20 @@ def unit(records: Sequence[Record], *, name: str = "") -> Device:
         One for each filled slot; empty slots hold a constant field voltage, constant mechanical power and so on.
     name : str, optional
         The names of the parts, joined by ``+``, where not given.
+    inputs : iterable of str
+        Recorded quantities that drive a machine instead of its controllers: ``"Efd"``, ``"Pm"``. The records that they
+        replace do not count; see `errorscreen.models.recorded_inputs`.
 
     Raises
     ------
     InputError
-        If no record is a machine or converter, or two fill the same slot.
+        If no record is a machine or converter, two fill the same slot, or the unit has no such input.
     """
     slots = in_slots(records)
     family = family_of(slots)
+    driven = take_replaced(slots, inputs)
     filled = {slot: slots[slot].part if slot in slots else NULL_PARTS.get(slot) for slot in family}
+    filled |= {RECORDED[name].slot: RECORDED[name] for name in driven}
     parts = tuple(part for part in filled.values() if part is not None)
     frame, of_machine = parts[0], family[0] == "machine"
     candidates, fixed = [], []
@@ -250,7 +270,12 @@ def unit(records: Sequence[Record], *, name: str = "") -> Device:
     calls += [part.call(function) for part in parts for function in part.closing]
     return Device(
         name=name or "+".join(slots[slot].part.name for slot in family if slot in slots),
-        title=", ".join(slots[slot].part.title for slot in family if slot in slots),
+        title=", ".join(
+            [
+                *(slots[slot].part.title for slot in family if slot in slots),
+                *(RECORDED[name].title for name in driven),
+            ]
+        ),
         candidates=ParameterSpace(candidates),
         constants=(
             *fixed,
@@ -267,27 +292,42 @@ def unit(records: Sequence[Record], *, name: str = "") -> Device:
         initialise=UnitStart(parts if of_machine else (frame, *parts[:0:-1])),
         ports=MACHINE_PORTS if of_machine else CONVERTER_PORTS,
         needs_angle=True,
-        grid=_behind_impedance(frame) if of_machine and "Xpp" in frame.own else None,
+        grid=_behind_impedance(frame),
         source="; ".join(slots[slot].part.source for slot in family if slot in slots),
-        recordable=MACHINE_CHANNELS if family[0] == "machine" else {},
-        tags=tuple(_tags(family, slots)),
+        recordable={n: q for n, q in MACHINE_CHANNELS.items() if n not in driven} if of_machine else {},
+        tags=tuple(_tags(family, slots, driven)),
+        driven=driven,
+        set_points=set_points(slots),
     )
 
 
-def _behind_impedance(machine: Part) -> GridInterface:
-    """Connection of a machine to an impedance: its subtransient voltage drives the current through X''."""
-    Xpp = machine.qualified("Xpp")
-    names = {"Ed1": "psi2q", "Eq1": "psi2d", "Xd1": Xpp, "Xq1": Xpp}
-    return GridInterface("rotor", source=(machine.call(machine.stages[0]),), terminal=(), names=names)
+def _behind_impedance(frame: Part) -> GridInterface | None:
+    """Connection to an impedance: of a machine by its voltage behind X'', of a converter by its own stage."""
+    if frame.slot == "machine" and "Xpp" in frame.own:
+        Xpp = frame.qualified("Xpp")
+        names = {"Ed1": "psi2q", "Eq1": "psi2d", "Xd1": Xpp, "Xq1": Xpp}
+        return GridInterface("rotor", source=(frame.call(frame.stages[0]),), terminal=(), names=names)
+    if frame.behind is None:
+        return None
+    return GridInterface("solved", (frame.call(frame.behind),), (frame.call(frame.stages[0]),))
 
 
-def _tags(family: tuple[str, ...], slots: Mapping[str, Record]) -> Iterator[str]:
-    """What effects may ask for: the kind of unit, filled and empty slots, and what they make possible."""
+def _tags(family: tuple[str, ...], slots: Mapping[str, Record], driven: Iterable[str]) -> Iterator[str]:
+    """What effects may ask for: the kind of unit, filled and empty slots, and what they make possible.
+
+    Of what a record drives, nothing is missing and nothing unknown.
+    """
     yield f"{family[0]} unit"
+    known = {slot for name in driven for slot in REPLACED[name]}
     for slot in family[1:]:
-        yield f"{'with' if slot in slots else 'without'} {slot}"
+        if slot not in known:
+            yield f"{'with' if slot in slots else 'without'} {slot}"
     if family[0] == "machine":
-        if "stabiliser" not in slots:
+        yield from (f"computed {name}" for name in RECORDED if name not in driven)
+        if not known & {"exciter", "stabiliser"} and "stabiliser" not in slots:
             yield "exciter without stabiliser" if "exciter" in slots else "without exciter and stabiliser"
+        for slot in ("over_excitation", "under_excitation"):
+            if "exciter" in slots and slot not in slots:
+                yield f"exciter without {slot}"
         if slots["machine"].values.get("S10") == 0:
             yield "without saturation"

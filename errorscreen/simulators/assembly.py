@@ -40,7 +40,7 @@ def assemble(
 
     With `behind_impedance` the inputs ``Er``, ``Ei`` are the voltage behind ``R_grid`` + j ``X_grid``: (G1) to (G5) of
     `errorscreen.power.elimination` for one unit. Equations of a `point` give its outputs from ``Er``, ``Ei``, ``Ir``,
-    ``Ii`` instead of the terminal's. `further` channels of the device are recorded, too. `InputError` for a port or
+    ``Ii`` and the terminal's. `further` channels of the device are recorded, too. `InputError` for a port or
     quantity that the device does not have.
     """
     effects = check_ports(device, effects)
@@ -53,7 +53,7 @@ def assemble(
     )
     calls: list[Call] = []
     if behind_impedance:
-        inputs, own = ("Er", "Ei"), (*map(_call, device.interface.terminal), *own[1:])
+        inputs, own = ("Er", "Ei", *inputs[2:]), (*map(_call, device.interface.terminal), *own[1:])
         states = (*states, *(name for name, _ in device.interface.states))
         constants = (*constants, *_IMPEDANCE, "size")
         calls += [_call(function) for function in device.interface.source]
@@ -63,7 +63,8 @@ def assemble(
         calls.extend(effect_call(effect) for name in call.writes for effect in effects if effect.port == name)
     measured: tuple[str, ...] = device.outputs
     if point is not None:
-        constants = (*constants, *(name for name in reads_of(point) if name not in ("Er", "Ei", "Ir", "Ii")))
+        known = {*inputs, *constants, "Ir", "Ii", *device.outputs}
+        constants = (*constants, *(name for name in reads_of(point) if name not in known))
         calls.append(replace(_call(point), recorded=True))
         measured = writes_of(point)
     channels = {
@@ -90,6 +91,9 @@ def _call(function: Equations | Call) -> Call:
 def _behind_impedance(device: Device) -> tuple[Call, ...]:
     """Current of a device behind an impedance, and the voltage of its terminal."""
     source, current = ("Er", "Ei"), ("Ir", "Ii")
+    terminal = Call(elimination.add_one, (*source, *current, *_IMPEDANCE), ("Vr", "Vi"))
+    if device.interface.kind == "solved":
+        return (terminal,)
     solved = {
         "current": Call(elimination.injected, ("Cr", "Ci", "size"), current),
         "norton": Call(
@@ -108,7 +112,7 @@ def _behind_impedance(device: Device) -> tuple[Call, ...]:
             writes_of(elimination.machine_current),
         ),
     }[device.interface.kind]
-    return solved, Call(elimination.add_one, (*source, *current, *_IMPEDANCE), ("Vr", "Vi"))
+    return solved, terminal
 
 
 def check_ports(device: Device, effects: Iterable[Effect]) -> tuple[Effect, ...]:
@@ -159,6 +163,17 @@ def switched_off(effects: Iterable[Effect]) -> Values:
     values = {e.local(n): np.array(0.0) for e in effects for n in (*e.derived, *e.states)}
     values |= {e.local(p.name): np.array(p.nominal) for e in effects for p in e.parameters}
     return values | {e.local(e.strength.name): np.array(0.0) for e in effects}
+
+
+def changed_constants(effect: Effect, values: Values) -> Values:
+    """Constants that an effect changes, by name in the model; rows in which it is off keep theirs."""
+    on = values[effect.local(effect.strength.name)] != 0
+    found = effect.equations(*(values[effect.local(p.name)] for p in effect.parameters))
+    changed = {}
+    for constant, new in zip((effect.port, *effect.beside), found, strict=True):
+        name = next(one for one in values if one.rpartition(".")[2] == constant)
+        changed[name] = np.where(on, new, values[name])
+    return changed
 
 
 def starting(

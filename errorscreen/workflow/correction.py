@@ -11,6 +11,7 @@ from errorscreen.calibration import FitProblem, fewest_parameters
 from errorscreen.calibration.result import Calibration, Estimate
 from errorscreen.discovery import Diagnosis
 from errorscreen.discovery.search_step import search_simulator
+from errorscreen.models.set_points import SET_POINTS, size_name
 from errorscreen.report.result import Correction
 from errorscreen.workflow.study import Study
 
@@ -56,6 +57,8 @@ def correction_of(study: Study, diagnosis: Diagnosis) -> Correction | None:
         for one in Calibration.of(fit, "map").parameters
         if one.name in fit.names_
     )
+    if not _values(moved):
+        return None
     file, bus, identifier = study.model_file
     problem = FitProblem(simulator, list(study.searched))
     return Correction(
@@ -76,4 +79,6 @@ def write_corrected(study: Study, correction: Correction, folder: Path) -> Path:
 
 
 def _values(parameters: tuple[Estimate, ...]) -> dict[str, float]:
-    return {one.name: one.value for one in parameters}
+    """New constants of the file; the size of a step of a set-point is none of them."""
+    sizes = {size_name(quantity) for quantity in SET_POINTS}
+    return {one.name: one.value for one in parameters if one.name not in sizes}

@@ -10,14 +10,16 @@ from errorscreen._runtime.registry import other_packages
 from errorscreen._runtime.store import digest, program
 from errorscreen.cases import Case
 from errorscreen.cases.case_models import CalibrationSection, DiscoverySection, RunSection, ScreeningSection
+from errorscreen.cases.model_sections import DeviceSection
 from errorscreen.data.observations import Observation
 from errorscreen.data.recordings import Recording
 from errorscreen.data.resampling import check_steps
 from errorscreen.discovery.search_step import search_simulator
 from errorscreen.exceptions import InputError
+from errorscreen.models import Device
 from errorscreen.models.dyr import DyrFile
 from errorscreen.report.result import Role
-from errorscreen.simulators import PlantSimulator
+from errorscreen.simulators import Connection, PlantSimulator
 from errorscreen.simulators.base import Simulator
 from errorscreen.workflow.grid_recordings import observed_grid
 
@@ -114,21 +116,26 @@ class Study:
         further: tuple[Recording | Observation, ...] = recordings[1:]
         first: Recording | Observation = recording
         simulator: Simulator
+        told: tuple[str, ...] = ()
         if case.grid is not None:
             case.check_events()
             simulator, (first, *others) = observed_grid(case, case.grid, recordings)
             further = tuple(others)
         else:
             assert case.device is not None  # `load_case` sees to that
+            device = case.device.model(case.folder, case.steps)
+            constants, connection, told = _between(case, case.device, device)
             simulator = PlantSimulator(
-                case.device.model(case.folder),
+                device,
                 recording,
                 parameters=case.parameters(),
-                constants=case.device.constants,
+                constants=constants,
                 step=case.simulation.step,
                 dt=case.simulation.dt,
                 grid_impedance=case.device.grid_impedance,
-                connection=None if case.plant is None else case.plant.connection,
+                constant_frequency=case.device.constant_frequency,
+                angle_reactance=case.device.angle_reactance,
+                connection=connection,
             )
         check_effects(simulator, case.discovery, case.source)
         n = len(together)
@@ -138,7 +145,8 @@ class Study:
         file = None if case.device is None else case.device.file(case.folder)
         if case.device is not None and file is not None:
             study = replace(study, model_file=ModelFile(file, case.device.bus, case.device.id))
-        return replace(study, paths=tuple(section.path for section in case.recordings.values()))
+        study = replace(study, paths=tuple(section.path for section in case.recordings.values()))
+        return study._with_assumptions(told) if told else study
 
     @classmethod
     def of(
@@ -180,6 +188,15 @@ class Study:
             search_simulator(simulator, study.discovery.step, study.observations)
         return study
 
+    def _with_assumptions(self, told: tuple[str, ...]) -> Study:
+        """The same with further assumptions of all recordings."""
+
+        def added(one: Observation) -> Observation:
+            return replace(one, assumptions=(*one.assumptions, *told))
+
+        together, held_out = (tuple(map(added, ones)) for ones in (self.together, self.held_out))
+        return replace(self, observation=added(self.observation), together=together, held_out=held_out)
+
     def fingerprint(self, stage: Stage, *more: Any) -> str:
         """Digest of all that a stage depends on, so that a change of anything else leaves it valid.
 
@@ -208,6 +225,25 @@ class Study:
             self.run.random_state,
             list(more),
         )
+
+
+def _between(
+    case: Case, section: DeviceSection, device: Device
+) -> tuple[dict[str, float], Connection | None, tuple[str, ...]]:
+    """Constants of the device, what lies between it and the recorded point, and assumptions about that."""
+    if case.plant is None:
+        return section.constants, None, ()
+    constants, connection, told = section.constants, case.plant.connection, []
+    if (network := case.network()) is not None:
+        connection = network.connection
+        constants, differences = network.constants_with(constants)
+        told = [*network.notes, *differences]
+    if "with plant_control" in device.tags:
+        told.append(
+            "The plant controller measures at the terminal of the unit, not at the recorded point, whatever bus its "
+            "record names."
+        )
+    return constants, connection, tuple(told)
 
 
 def check_effects(simulator: Simulator, section: DiscoverySection, source: str = "") -> None:

@@ -11,6 +11,7 @@ from errorscreen.effects import EFFECTS, EXCITER, effects_of
 from errorscreen.effects.ride_through import RIDE_THROUGH, RIDE_THROUGH_TRIP
 from errorscreen.exceptions import InputError
 from errorscreen.models import DEVICES, LOAD
+from errorscreen.models.standard import PARTS
 from errorscreen.models.unit import CONVERTER_PORTS, MACHINE_PORTS
 from tests.models.reference import Machine
 from tests.plants import DEVICE_NAMES, dip, flat, plant, random_rows
@@ -151,11 +152,13 @@ def test_an_effect_on_a_port_that_a_device_lacks_is_refused():
 def test_every_effect_belongs_to_a_device_that_has_its_ports():
     ports = {device.name: device.ports for device in (*DEVICES.values(), LOAD)}
     of_units = {**MACHINE_PORTS, **CONVERTER_PORTS}
+    constants = {field.name for part in PARTS.values() for field in part.fields}
     for name, effect in EFFECTS.items():
         assert effect.devices, name
         for device in effect.devices:
             # what is no device is a tag of units of standard models
-            assert {effect.port, *effect.beside} <= set(ports.get(device, of_units))
+            known = constants if effect.kind == "constants" else ports.get(device, of_units)
+            assert {effect.port, *effect.beside} <= set(known)
             assert effect in effects_of(device)
 
 

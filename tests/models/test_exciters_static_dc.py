@@ -21,8 +21,9 @@ from errorscreen.models.unit import SHORTEST, Record, unit
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data" / "openipsl_smib"
 NAMES = ("SCRX", "IEEET1", "ESST1A", "ESST4B", "EXST1", "ESDC1A", "ESDC2A", "ST5B", "EXPIC1")
 BANK = [part for part in EXCITERS if part.name in NAMES]
-INPUTS = ("Vc", "Vs", "V", "Vd", "Vq", "Id", "Iq", "If")
+INPUTS = ("Vc", "Vs", "V", "Vd", "Vq", "Id", "Iq", "If", "VUEL", "VOEL")
 AT_REST = {"Vc": 1.02, "Vs": 0.0, "V": 1.0, "Vd": 0.5, "Vq": np.sqrt(0.75), "Id": 0.6, "Iq": 0.5, "If": 2.0}
+AT_REST |= {"VUEL": 0.0, "VOEL": 0.0, "UELgate": -1e9, "OELgate": 1e9}
 DC = {
     "TR": 0.02,
     "KA": 60,
@@ -284,10 +285,18 @@ def pi_block(x, u, KP, KI, low, high):
     return limited(y, low, high), 0.0 if held else KI * u
 
 
+def entries(v, w, under=False, over=False):
+    """Signals of limiters that are added to the error, and limits of the gates that an exciter has for others."""
+    floor = w["VUEL"] + v["UELgate"] if under and v["UELgate"] > -1e6 else -np.inf
+    ceiling = w["VOEL"] + v["OELgate"] if over and v["OELgate"] < 1e6 else np.inf
+    added = (w["VUEL"] if floor == -np.inf else 0.0) + (w["VOEL"] if ceiling == np.inf else 0.0)
+    return added, floor, ceiling
+
+
 def ref_exst1(v, w, x):
     Vm, xl, VA, xF = x
     VF = v["KF"] / v["TF"] * (VA - xF)
-    e = limited(v["Vref"] + w["Vs"] - Vm - VF, v["VIMIN"], v["VIMAX"])
+    e = limited(v["Vref"] + w["Vs"] + entries(v, w)[0] - Vm - VF, v["VIMIN"], v["VIMAX"])
     y = xl + v["TC"] / v["TB"] * (e - xl)
     drop = v["KC"] * w["If"]
     Efd = limited(VA, w["V"] * v["VRMIN"] - drop, w["V"] * v["VRMAX"] - drop)
@@ -297,9 +306,12 @@ def ref_exst1(v, w, x):
 
 def ref_esst1a(v, w, x):
     Vm, xl, xl1, VA, xF = x
+    added, floor, ceiling = entries(v, w, v["UEL"] > 1, True)
     out = VA - v["KLR"] * max(0.0, w["If"] - v["ILR"])
+    out = min(max(out, floor) if v["UEL"] == 3 else out, ceiling)
     VF = v["KF"] / v["TF"] * (out - xF)
-    e = limited(v["Vref"] + w["Vs"] - Vm - VF, v["VIMIN"], v["VIMAX"])
+    e = limited(v["Vref"] + w["Vs"] + added - Vm - VF, v["VIMIN"], v["VIMAX"])
+    e = max(e, floor) if v["UEL"] == 2 else e
     y = xl + v["TC"] / v["TB"] * (e - xl)
     y1 = xl1 + v["TC1"] / v["TB1"] * (y - xl1)
     Efd = limited(out, w["V"] * v["VRMIN"], w["V"] * v["VRMAX"] - v["KC"] * w["If"])
@@ -313,8 +325,9 @@ def ref_esst1a(v, w, x):
 def ref_esdc(v, w, x, feed):
     Vm, xl, VR, E, xF = x
     VF = v["KF"] / v["TF1"] * (E - xF)
-    e = v["Vref"] + w["Vs"] - Vm - VF
-    y = xl + v["TC"] / v["TB"] * (e - xl)
+    added, floor, _ = entries(v, w, under=True)
+    e = v["Vref"] + w["Vs"] + added - Vm - VF
+    y = max(xl + v["TC"] / v["TB"] * (e - xl), floor)
     dE = (VR - v["KE"] * E - saturation(v, E)) / v["TE"]
     dx = [(w["Vc"] - Vm) / v["TR"], (e - xl) / v["TB"], (v["KA"] * y - VR) / v["TA"], dE, (E - xF) / v["TF1"]]
     return dx, E, {2: (feed * v["VRMIN"], feed * v["VRMAX"]), 3: (0.0, 1e9)}
@@ -322,14 +335,15 @@ def ref_esdc(v, w, x, feed):
 
 def ref_esst4b(v, w, x):
     Vm, xR, VA, xM = x
-    VR, dR = pi_block(xR, v["Vref"] + w["Vs"] - Vm, v["KPR"], v["KIR"], v["VRMIN"], v["VRMAX"])
+    added, _, ceiling = entries(v, w, over=True)
+    VR, dR = pi_block(xR, v["Vref"] + w["Vs"] + added - Vm, v["KPR"], v["KIR"], v["VRMIN"], v["VRMAX"])
     VB = min(source(v, w), v["VBMAX"])
     low, high = v["VMMIN"], v["VMMAX"]
     for _ in range(60):  # bisection of VM = limited(KPM (VA - KG VB VM) + xM)
         middle = (low + high) / 2
         above = limited(v["KPM"] * (VA - v["KG"] * VB * middle) + xM, v["VMMIN"], v["VMMAX"]) > middle
         low, high = (middle, high) if above else (low, middle)
-    Efd = VB * (low + high) / 2
+    Efd = VB * min((low + high) / 2, ceiling)
     dM = pi_block(xM, VA - v["KG"] * Efd, v["KPM"], v["KIM"], v["VMMIN"], v["VMMAX"])[1]
     return [(w["Vc"] - Vm) / v["TR"], dR, (VR - VA) / v["TA"], dM], Efd, {}
 
@@ -338,7 +352,8 @@ def ref_st5b(v, w, x):
     """Limited lead-lags as in the standard: a limited sum with a positive feedback of its output behind TC."""
     Vm, z1, z2, E = x
     low, high = v["VRMIN"] / v["KR"], v["VRMAX"] / v["KR"]
-    e = v["Vref"] - Vm + w["Vs"]
+    added, floor, ceiling = entries(v, w, True, True)
+    e = min(max(v["Vref"] - Vm + added, floor), ceiling) + w["Vs"]
     y = limited(v["TC1"] / v["TB1"] * (e + (v["TB1"] / v["TC1"] - 1) * z1), low, high)
     z = limited(v["TC2"] / v["TB2"] * (y + (v["TB2"] / v["TC2"] - 1) * z2), low, high)
     dE = (v["KR"] * z - v["KC"] * w["If"] - E) / v["T1"]
@@ -349,7 +364,7 @@ def ref_st5b(v, w, x):
 def ref_expic1(v, w, x):
     Vm, xA, x2, x4, xF, xG, E = x
     VA, dA = pi_block(
-        xA, v["Vref"] + w["Vs"] - Vm - xG, v["KA"] * v["TA1"], v["KA"], v["VR2"], v["VR1"]
+        xA, v["Vref"] + w["Vs"] + entries(v, w)[0] - Vm - xG, v["KA"] * v["TA1"], v["KA"], v["VR2"], v["VR1"]
     )  # lead on the longer lag: the same product
     y = x4 + v["TA3"] / v["TA4"] * (VA - x4)
     VR = limited(x2, v["VRMIN"], v["VRMAX"])
@@ -403,6 +418,36 @@ def test_large_signals_agree_with_clamped_steps(engine, name):
     error = found[name] - expected
     assert np.ptp(expected) > 0.5
     assert np.sqrt(np.mean(error**2)) < 4e-3
+
+
+@pytest.mark.parametrize(
+    ("name", "UEL", "under", "top"),
+    [
+        # added to the error of the voltage
+        *((name, 1, 0.02, None) for name in REFERENCES),
+        # signal at a gate of under-excitation, and what a gate of over-excitation gets at rest
+        ("ESST1A", 1, 0.02, 2.5),
+        ("ESST1A", 2, 0.1, 2.5),
+        ("ESST1A", 3, 3.0, 3.5),
+        ("ESDC1A", 1, 0.08, 1.0),
+        ("ESST4B", 1, 0.02, 0.6),
+        ("ST5B", 1, 0.03, 0.04),
+    ],
+)
+def test_signals_of_limiters_are_added_or_enter_at_gates(engine, name, UEL, under, top):
+    def during(first, last, size):
+        return lambda t: size * (np.tanh((t - first) / 0.01) - np.tanh((t - last) / 0.01)) / 2
+
+    part, at_rest = PARTS[name], {**AT_REST, "UELgate": 0.0, "OELgate": top} if top else AT_REST
+    record = {**RECORDS[name], **({"UEL": UEL} if name == "ESST1A" else {})}
+    signals = {"VUEL": during(0.2, 0.5, under), "VOEL": during(0.7, 1.0, -0.8 * top if top else -0.03)}
+    _, u, found = simulate(engine, signals, 1.2, {**RECORDS, name: record}, at_rest=at_rest)
+    start, values = starting(part, record, at_rest)
+    v = {key: float(value) for key, value in values.items()}
+    expected = clamped_steps(REFERENCES[name], v, [float(start.states[one]) for one in part.states], u)[::2]
+    assert expected[200:700].max() > expected[0] + 0.03
+    assert expected[700:].min() < expected[0] - 0.01
+    assert np.sqrt(np.mean((found[name] - expected) ** 2)) < 4e-3
 
 
 # --- values that a record leaves to be computed, and special cases -----------------------------------------

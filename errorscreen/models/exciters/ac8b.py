@@ -2,7 +2,7 @@ r"""AC8B, alternator with diode rectifier, digital PID regulator and limits of t
 
 .. math::
 
-    T_R\,\dot V_m &= V_c - V_m,\quad e = V_{ref} + V_s - V_m  & (1)\\
+    T_R\,\dot V_m &= V_c - V_m,\quad e = V_{ref} + V_s + V_{UEL} + V_{OEL} - V_m  & (1)\\
     V_{PID} &= \Big(K_{PR} + \frac{K_{IR}}{s} + \frac{sK_{DR}}{1 + sT_{DR}}\Big)e,
         \quad V_{PIDMIN} \le V_{PID} \le V_{PIDMAX}  & (2)\\
     T_A\,\dot V_R &= K_A V_{PID} - V_R,\quad V_{RMIN} \le V_R \le V_{RMAX}\ \text{(non-windup)}  & (3)\\
@@ -11,7 +11,6 @@ r"""AC8B, alternator with diode rectifier, digital PID regulator and limits of t
 
 The integral stops while the output of (2) is at a limit. (5), the highest voltage whose field current is allowed, is
 solved as the root of a quadratic. Field current and rectifier are those of `errorscreen.models.exciters.alternator`.
-Signals of excitation limiters are not modelled.
 
 (PSS/E model library, AC8B; IEEE Std 421.5-2005, type AC8B.)
 """
@@ -86,13 +85,13 @@ def limited_alternator(
 
 @stage("VR", "d_Vm", "d_xI", "d_xD", "d_R", "d_VE")
 def ac8b(
-    Vc: Any, Vs: Any, VFE: Any, topE: Any, Vm: Any, xI: Any, xD: Any, R: Any, VE: Any, Vref: Any, lowP: Any, highP: Any,
-    lowR: Any, highR: Any, lowE: Any, TR: Any, KPR: Any, KIR: Any, KDR: Any, TDR: Any, KA: Any, TA: Any, TE: Any,
-    shortest: Any,
+    Vc: Any, Vs: Any, VUEL: Any, VOEL: Any, VFE: Any, topE: Any, Vm: Any, xI: Any, xD: Any, R: Any, VE: Any,
+    Vref: Any, lowP: Any, highP: Any, lowR: Any, highR: Any, lowE: Any, TR: Any, KPR: Any, KIR: Any, KDR: Any,
+    TDR: Any, KA: Any, TA: Any, TE: Any, shortest: Any,
 ) -> Any:  # fmt: skip
     """Regulator and voltage of the exciter, (1) to (4)."""
     measured, d_Vm = lag(Vm, Vc, TR, shortest)
-    e = Vref + Vs - measured
+    e = Vref + Vs - measured + VUEL + VOEL
     derivative, d_xD = rate(xD, e, KDR, TDR, shortest)
     pid, d_xI = limited_pi(xI + derivative, e, KPR, KIR, lowP, highP)
     VR, d_R = following_lag(R, KA * pid, TA, lowR, highR, shortest)

@@ -3,13 +3,12 @@ r"""ESAC6A, alternator with diode rectifier, lead-lag regulator and a limiter of
 .. math::
 
     T_R\,\dot V_m &= V_c - V_m                                                                         & (1)\\
-    y &= \frac{1 + sT_K}{1 + sT_A}K_A(V_{ref} + V_s - V_m)                                               & (2)\\
+    y &= \frac{1 + sT_K}{1 + sT_A}K_A(V_{ref} + V_s + V_{UEL} + V_{OEL} - V_m)                      & (2)\\
     V_A &= \frac{1 + sT_C}{1 + sT_B}y,\quad V_{AMIN} \le V_A \le V_{AMAX}\ \text{(non-windup)}               & (3)\\
     V_H &= \frac{1 + sT_J}{1 + sT_H}\,h,\quad h = K_H(V_{FE} - V_{FELIM})\ \text{within}\ 0, V_{HMAX}          & (4)\\
     V_R &= V_A - V_H\ \text{within}\ V\,V_{RMIN}, V\,V_{RMAX}                                             & (5)
 
-with the terminal voltage V. Alternator and rectifier are those of `errorscreen.models.exciters.alternator`. Signals of
-excitation limiters are not modelled.
+with the terminal voltage V. Alternator and rectifier are those of `errorscreen.models.exciters.alternator`.
 
 (PSS/E model library, ESAC6A; IEEE Std 421.5-2005, type AC6A.)
 """
@@ -57,12 +56,12 @@ FIELDS = record(
 
 @stage("VA", "d_Vm", "d_xA", "d_xB")
 def regulator(
-    Vc: Any, Vs: Any, Vm: Any, xA: Any, xB: Any, Vref: Any, low: Any, high: Any, TR: Any, KA: Any, TA: Any, TK: Any,
-    TB: Any, TC: Any, shortest: Any,
+    Vc: Any, Vs: Any, VUEL: Any, VOEL: Any, Vm: Any, xA: Any, xB: Any, Vref: Any, low: Any, high: Any, TR: Any,
+    KA: Any, TA: Any, TK: Any, TB: Any, TC: Any, shortest: Any,
 ) -> Any:  # fmt: skip
     """Output of the regulator, (1) to (3)."""
     measured, d_Vm = lag(Vm, Vc, TR, shortest)
-    y, d_xA = lead_lag(xA, KA * (Vref + Vs - measured), TK, TA, shortest)
+    y, d_xA = lead_lag(xA, KA * (Vref + Vs - measured + VUEL + VOEL), TK, TA, shortest)
     VA, d_xB = limited_lead_lag(xB, y, TC, TB, low, high, shortest)
     return VA, d_Vm, d_xA, d_xB
 

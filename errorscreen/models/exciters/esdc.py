@@ -2,15 +2,16 @@ r"""ESDC1A and ESDC2A, rotating exciters with regulator and lead-lag (IEEE types
 
 .. math::
 
-    T_R\,\dot V_m &= V_c - V_m,\quad e = V_{ref} + V_s - V_m - V_F  & (1)\\
-    T_B\,\dot x &= e - x,\quad y = x + (T_C/T_B)(e - x)  & (2)\\
+    T_R\,\dot V_m &= V_c - V_m,\quad e = V_{ref} + V_s + V_L - V_m - V_F  & (1)\\
+    T_B\,\dot x &= e - x,\quad y = \max(x + (T_C/T_B)(e - x), V_{UEL})  & (2)\\
     T_A\,\dot V_R &= K_A y - V_R,\quad b V_{RMIN} \le V_R \le b V_{RMAX}\ \text{(non-windup)}  & (3)\\
     T_E\,\dot E_{fd} &= V_R - K_E E_{fd} - S_E(E_{fd})E_{fd},\quad E_{fd} \ge 0\ \text{(non-windup)}  & (4)\\
     T_{F1}\,\dot x_F &= E_{fd} - x_F,\quad V_F = (K_F/T_{F1})(E_{fd} - x_F)  & (5)
 
 with :math:`b = 1` in ESDC1A, and :math:`b = V` in ESDC2A, whose regulator is fed by the terminal. Zero as KE or VRMAX
 means a computed value (`errorscreen.models.exciters.rotating`). The field ``Switch`` of the record is a place holder.
-Signals of excitation limiters are not modelled.
+:math:`V_L = V_{OEL}`, and :math:`V_{UEL}` is added where it does not enter at the gate of (2)
+(`errorscreen.models.limiters.gates`).
 
 (IEEE Std 421.5-2005, types DC1A and DC2A; PSS/E model library, ESDC1A and ESDC2A.)
 """
@@ -25,6 +26,7 @@ from errorscreen.engine.stages import stage
 from errorscreen.engine.vmath import clip, hold_at_limits
 from errorscreen.models.blocks import following_lag, lag, lead_lag, rate
 from errorscreen.models.exciters.rotating import computed, rotating
+from errorscreen.models.limiters.gates import high_value, summed, under_excitation_gate
 from errorscreen.models.part import Limit, Part, Start, Values, holding, record
 
 FIELDS = record(
@@ -65,6 +67,8 @@ def from_terminal(V: Any) -> Any:
 def esdc(
     Vc: Any,
     Vs: Any,
+    VUEL: Any,
+    VOEL: Any,
     supply: Any,
     Vm: Any,
     x: Any,
@@ -75,6 +79,7 @@ def esdc(
     low: Any,
     high: Any,
     least: Any,
+    gateU: Any,
     gain: Any,
     satA: Any,
     satB: Any,
@@ -92,8 +97,10 @@ def esdc(
     measured, d_Vm = lag(Vm, Vc, TR, shortest)
     Efd = clip(E, least, 1e9)
     VF, d_xF = rate(xF, Efd, KF, TF1, shortest)
-    y, d_x = lead_lag(x, Vref + Vs - measured - VF, TC, TB, shortest)
-    regulator, d_VR = following_lag(VR, KA * y, TA, low * supply, high * supply, shortest)
+    e = Vref + Vs - measured - VF + summed(VUEL, gateU) + VOEL
+    y, d_x = lead_lag(x, e, TC, TB, shortest)
+    input = KA * high_value(y, VUEL, gateU)
+    regulator, d_VR = following_lag(VR, input, TA, low * supply, high * supply, shortest)
     d_E = hold_at_limits(E, rotating(E, regulator, gain, TE, satA, satB, shortest), least, 1e9)
     return Efd, VF, d_Vm, d_x, d_VR, d_E, d_xF
 
@@ -102,6 +109,7 @@ def _starting(v: Values, supply: Any) -> Start:
     E, found = v["Efd0"], computed(v)
     low, high = holding(found.VR / supply, found.VRMIN, found.VRMAX)
     error = found.VR / v["KA"]
+    gateU, under = under_excitation_gate(v, error)
     return Start(
         {"Vm": v["Vc"], "x": error, "VR": found.VR, "E": E, "xF": E},
         {
@@ -109,6 +117,7 @@ def _starting(v: Values, supply: Any) -> Start:
             "low": low,
             "high": high,
             "least": np.minimum(E, 0.0),
+            "gateU": gateU,
             "gain": found.KE,
             "satA": found.satA,
             "satB": found.satB,
@@ -116,6 +125,7 @@ def _starting(v: Values, supply: Any) -> Start:
         (
             Limit("regulator", found.VR / supply, found.VRMIN, found.VRMAX, ("VRMIN", "VRMAX")),
             Limit("field voltage", E, 0.0, 1e9, ("0", "")),
+            under,
         ),
     )
 
@@ -139,7 +149,7 @@ def _exciter(name: str, title: str, supply: Any, start: Any, limits: str) -> Par
         stages=(supply, esdc),
         ports=("Efd",),
         states=("Vm", "x", "VR", "E", "xF"),
-        setpoints=("Vref", "low", "high", "least", "gain", "satA", "satB"),
+        setpoints=("Vref", "low", "high", "least", "gateU", "gain", "satA", "satB"),
         start=start,
         rules=("VRMIN <= VRMAX", "KF needs TF1", "TC needs TB"),
         formula="VR = [KA / (1 + s TA) · (1 + s TC) / (1 + s TB) · (Vref + Vs − Vc / (1 + s TR) − s KF / (1 + s TF1) "

@@ -2,16 +2,18 @@ r"""ESST1A, static exciter fed by the terminal, with two lead-lags and limiter o
 
 .. math::
 
-    T_R\,\dot V_m &= V_c - V_m,\quad e = V_{ref} + V_{s1} - V_m - V_F,\quad V_{IMIN} \le e \le V_{IMAX}  & (1)\\
+    T_R\,\dot V_m &= V_c - V_m,\quad e_0 = V_{ref} + V_{s1} + V_L - V_m - V_F\ \text{within}\ V_{IMIN}, V_{IMAX},\quad
+    e = \max(e_0, V_{UEL2})  & (1)\\
     T_B\,\dot x &= e - x,\quad y = x + (T_C/T_B)(e - x),\quad
     T_{B1}\,\dot x_1 = y - x_1,\quad y_1 = x_1 + (T_{C1}/T_{B1})(y - x_1)  & (2)\\
     T_A\,\dot V_A &= K_A y_1 - V_A,\quad V_{AMIN} \le V_A \le V_{AMAX}\ \text{(non-windup)}  & (3)\\
-    u &= V_A + V_{s2} - K_{LR}[X_{ad}I_{fd} - I_{LR}]^+,\quad
+    u &= \min(\max(V_A + V_{s2} - K_{LR}[X_{ad}I_{fd} - I_{LR}]^+, V_{UEL3}), V_{OEL}),\quad
     E_{fd} = u\ \text{within}\ V\,V_{RMIN},\ V\,V_{RMAX} - K_C X_{ad}I_{fd}  & (4)\\
     T_F\,\dot x_F &= u - x_F,\quad V_F = (K_F/T_F)(u - x_F)  & (5)
 
-The signal of the stabiliser is :math:`V_{s1}` with VOS = 1, and :math:`V_{s2}` with VOS = 2. Signals of excitation
-limiters are not modelled, so that the code UEL has no effect.
+The signal of the stabiliser is :math:`V_{s1}` with VOS = 1, and :math:`V_{s2}` with VOS = 2. That of an
+under-excitation limiter is part of :math:`V_L` with UEL = 0 or 1, :math:`V_{UEL2}` with UEL = 2, and :math:`V_{UEL3}`
+with UEL = 3. Signals that do not enter at a gate are part of :math:`V_L` (`errorscreen.models.limiters.gates`).
 
 (IEEE Std 421.5-2005, type ST1A; PSS/E model library, ESST1A.)
 """
@@ -25,6 +27,14 @@ import numpy as np
 from errorscreen.engine.stages import stage
 from errorscreen.engine.vmath import clip, select
 from errorscreen.models.blocks import high_frequency_gain, lag, lead_lag, limited_lag, longer, rate
+from errorscreen.models.limiters.gates import (
+    OPEN,
+    high_value,
+    low_value,
+    over_excitation_gate,
+    summed,
+    under_excitation_gate,
+)
 from errorscreen.models.part import Limit, Part, Start, Values, holding, record
 
 FIELDS = record(
@@ -57,6 +67,8 @@ FIELDS = record(
 def esst1a(
     Vc: Any,
     Vs: Any,
+    VUEL: Any,
+    VOEL: Any,
     V: Any,
     If: Any,
     Vm: Any,
@@ -71,6 +83,9 @@ def esst1a(
     highA: Any,
     lowR: Any,
     highR: Any,
+    gateI: Any,
+    gateA: Any,
+    gateO: Any,
     VOS: Any,
     TR: Any,
     TC: Any,
@@ -90,8 +105,12 @@ def esst1a(
     at_error = select(VOS == 2.0, 0.0 * Vs, Vs)
     measured, d_Vm = lag(Vm, Vc, TR, shortest)
     output = clip(VA, lowA, highA) + (Vs - at_error) - KLR * clip(If - ILR, 0.0, 1e9)
+    output = low_value(high_value(output, VUEL, gateA), VOEL, gateO)
     VF, d_xF = rate(xF, output, KF, TF, shortest)
-    y, d_x = lead_lag(x, clip(Vref + at_error - measured - VF, lowI, highI), TC, TB, shortest)
+    # of two gates one is open; a signal at the other has no share here
+    limiters = summed(summed(VUEL, gateI), gateA) + summed(VOEL, gateO)
+    e = clip(Vref + at_error - measured - VF + limiters, lowI, highI)
+    y, d_x = lead_lag(x, high_value(e, VUEL, gateI), TC, TB, shortest)
     y1, d_x1 = lead_lag(x1, y, TC1, TB1, shortest)
     # the rate feedback makes the regulator faster by its loop gain; the loop lasts at least the shortest time
     lead = high_frequency_gain(TC, TB, shortest) * high_frequency_gain(TC1, TB1, shortest)
@@ -108,6 +127,9 @@ def start(v: Values) -> Start:
     error = VA / v["KA"]
     lowI, highI = holding(error, v["VIMIN"], v["VIMAX"])
     lowA, highA = holding(VA, v["VAMIN"], v["VAMAX"])
+    gateI, at_error = under_excitation_gate(v, error)
+    gateA, under = under_excitation_gate(v, E)
+    gateO, over = over_excitation_gate(v, E)
     return Start(
         {"Vm": v["Vc"], "x": error, "x1": error, "VA": VA, "xF": E},
         {
@@ -118,11 +140,17 @@ def start(v: Values) -> Start:
             "highA": highA,
             "lowR": np.minimum(E / V, v["VRMIN"]),
             "highR": np.maximum((E + v["KC"] * If) / V, v["VRMAX"]),
+            "gateI": np.where(v["UEL"] == 2, gateI, -OPEN),
+            "gateA": np.where(v["UEL"] == 3, gateA, -OPEN),
+            "gateO": gateO,
         },
         (
             Limit("error of voltage", error, v["VIMIN"], v["VIMAX"], ("VIMIN", "VIMAX")),
             Limit("regulator", VA, v["VAMIN"], v["VAMAX"], ("VAMIN", "VAMAX")),
             Limit("field voltage", E, V * v["VRMIN"], V * v["VRMAX"] - v["KC"] * If, ("VRMIN", "VRMAX")),
+            at_error._replace(lower=np.where(v["UEL"] == 2, at_error.lower, -OPEN)),
+            under._replace(lower=np.where(v["UEL"] == 3, under.lower, -OPEN)),
+            over,
         ),
     )
 
@@ -135,7 +163,7 @@ ESST1A = Part(
     stages=(esst1a,),
     ports=("Efd",),
     states=("Vm", "x", "x1", "VA", "xF"),
-    setpoints=("Vref", "lowI", "highI", "lowA", "highA", "lowR", "highR"),
+    setpoints=("Vref", "lowI", "highI", "lowA", "highA", "lowR", "highR", "gateI", "gateA", "gateO"),
     start=start,
     rules=("VIMIN < VIMAX", "VAMIN < VAMAX", "VRMIN < VRMAX", "TC needs TB", "TC1 needs TB1", "KF needs TF"),
     formula="VA = [KA / (1 + s TA) · (1 + s TC) / (1 + s TB) · (1 + s TC1) / (1 + s TB1) · "

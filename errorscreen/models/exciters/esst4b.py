@@ -2,15 +2,16 @@ r"""ESST4B, static exciter with two PI regulators and a compound source (IEEE ty
 
 .. math::
 
-    T_R\,\dot V_m &= V_c - V_m,\quad e = V_{ref} + V_s - V_m  & (1)\\
+    T_R\,\dot V_m &= V_c - V_m,\quad e = V_{ref} + V_s + V_L - V_m  & (1)\\
     V_R &= K_{PR}\,e + x_R,\quad \dot x_R = K_{IR}\,e,\quad V_{RMIN} \le V_R \le V_{RMAX}  & (2)\\
     T_A\,\dot V_A &= V_R - V_A,\quad u = V_A - K_G E_{fd}  & (3)\\
     V_M &= K_{PM}\,u + x_M,\quad \dot x_M = K_{IM}\,u,\quad V_{MMIN} \le V_M \le V_{MMAX}  & (4)\\
-    E_{fd} &= V_M\min(V_B, V_{BMAX})  & (5)
+    E_{fd} &= \min(V_M, V_{OEL})\min(V_B, V_{BMAX})  & (5)
 
 with the available voltage :math:`V_B` of `errorscreen.models.exciters.compound_source`. The loop of :math:`K_G` through
 (4) and (5) has no delay where :math:`K_{PM} > 0` and is solved. An integral holds while its output is at a limit and
-the input leads beyond it. Signals of excitation limiters are not modelled.
+the input leads beyond it. :math:`V_L = V_{UEL}`, and :math:`V_{OEL}` is added where it does
+not enter at the gate of (5) (`errorscreen.models.limiters.gates`).
 
 (IEEE Std 421.5-2005, type ST4B; PSS/E model library, ESST4B.)
 """
@@ -25,6 +26,7 @@ from errorscreen.engine.stages import stage
 from errorscreen.engine.vmath import clip, hold_at_limits, select
 from errorscreen.models.blocks import lag, limited_pi
 from errorscreen.models.exciters.compound_source import compound_source
+from errorscreen.models.limiters.gates import low_value, over_excitation_gate, summed
 from errorscreen.models.part import Limit, Part, Start, Values, holding, record
 
 FIELDS = record(
@@ -54,6 +56,8 @@ FIELDS = record(
 def esst4b(
     Vc: Any,
     Vs: Any,
+    VUEL: Any,
+    VOEL: Any,
     Vd: Any,
     Vq: Any,
     Id: Any,
@@ -70,6 +74,7 @@ def esst4b(
     highR: Any,
     lowM: Any,
     highM: Any,
+    gateO: Any,
     TR: Any,
     KPR: Any,
     KIR: Any,
@@ -87,11 +92,12 @@ def esst4b(
     available = compound_source(Vd, Vq, Id, Iq, If, KPr, KPi, KI, XL, KC)
     VB = select(available > VBMAX, VBMAX, available)
     measured, d_Vm = lag(Vm, Vc, TR, shortest)
-    regulator, d_xR = limited_pi(xR, Vref + Vs - measured, KPR, KIR, lowR, highR)
+    e = Vref + Vs - measured + VUEL + summed(VOEL, gateO)
+    regulator, d_xR = limited_pi(xR, e, KPR, KIR, lowR, highR)
     outer, d_VA = lag(VA, regulator, TA, shortest)
     # VM = clip(KPM (outer - KG VB VM) + xM): monotone in VM, so the limits act on the solution without them
     VM = clip((KPM * outer + xM) / (1.0 + KPM * KG * VB), lowM, highM)
-    Efd = VM * VB
+    Efd = low_value(VM, VOEL, gateO) * VB
     inner = outer - KG * Efd
     d_xM = hold_at_limits(KPM * inner + xM, KIM * inner, lowM, highM)
     return Efd, VB, d_Vm, d_xR, d_VA, d_xM
@@ -117,6 +123,7 @@ def start(v: Values) -> Start:
     error, xR = _at_rest(VR, v["KPR"], v["KIR"])
     lowR, highR = holding(VR, v["VRMIN"], v["VRMAX"])
     lowM, highM = holding(VM, v["VMMIN"], v["VMMAX"])
+    gateO, over = over_excitation_gate(v, VM)
     return Start(
         {"Vm": v["Vc"], "xR": xR, "VA": VR, "xM": xM},
         {
@@ -127,10 +134,12 @@ def start(v: Values) -> Start:
             "highR": highR,
             "lowM": lowM,
             "highM": highM,
+            "gateO": gateO,
         },
         (
             Limit("voltage regulator", VR, v["VRMIN"], v["VRMAX"], ("VRMIN", "VRMAX")),
             Limit("inner regulator", VM, v["VMMIN"], v["VMMAX"], ("VMMIN", "VMMAX")),
+            over,
         ),
     )
 
@@ -143,7 +152,7 @@ ESST4B = Part(
     stages=(esst4b,),
     ports=("Efd",),
     states=("Vm", "xR", "VA", "xM"),
-    setpoints=("Vref", "KPr", "KPi", "lowR", "highR", "lowM", "highM"),
+    setpoints=("Vref", "KPr", "KPi", "lowR", "highR", "lowM", "highM", "gateO"),
     start=start,
     rules=("VRMIN < VRMAX", "VMMIN < VMMAX"),
     formula="Efd = VB · [(KPM + KIM / s) (VA − KG Efd)] within VMMIN, VMMAX; VA = [(KPR + KIR / s) (Vref + Vs − "

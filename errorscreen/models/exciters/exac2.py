@@ -3,13 +3,12 @@ r"""EXAC2, alternator with diode rectifier, field current feedback and a fast li
 .. math::
 
     T_R\,\dot V_m &= V_c - V_m                                                                        & (1)\\
-    V_F &= \frac{sK_F}{1 + sT_F}V_{FE},\quad e = V_{ref} + V_s - V_m - V_F                                & (2)\\
+    V_F &= \frac{sK_F}{1 + sT_F}V_{FE},\quad e = V_{ref} + V_s + V_{UEL} + V_{OEL} - V_m - V_F            & (2)\\
     T_B\,\dot x &= e - x,\quad y = x + (T_C/T_B)(e - x)                                                  & (3)\\
     T_A\,\dot V_A &= K_A y - V_A,\quad V_{AMIN} \le V_A \le V_{AMAX}\ \text{(non-windup)}                   & (4)\\
     V_R &= K_B\min(V_A - K_H V_{FE},\; K_L(V_{LR} - V_{FE}))\ \text{within}\ V_{RMIN}, V_{RMAX}              & (5)
 
-Alternator and rectifier are those of `errorscreen.models.exciters.alternator`. Signals of excitation limiters are not
-modelled.
+Alternator and rectifier are those of `errorscreen.models.exciters.alternator`.
 
 (PSS/E model library, EXAC2; IEEE committee report 1981, type AC2.)
 """
@@ -22,7 +21,7 @@ import numpy as np
 
 from errorscreen.engine.stages import stage
 from errorscreen.engine.vmath import clip, select
-from errorscreen.models.exciters.ac1 import regulator
+from errorscreen.models.exciters.ac1 import added, regulator
 from errorscreen.models.exciters.alternator import alternator, at_rest, excited, rate_feedback
 from errorscreen.models.part import Limit, Part, Start, Values, holding, record
 
@@ -95,7 +94,7 @@ EXAC2 = Part(
     slot="exciter",
     title="Alternator with diode rectifier and field current limiter (IEEE AC2)",
     fields=FIELDS,
-    stages=(alternator, rate_feedback, regulator, second_stage, excited),
+    stages=(alternator, rate_feedback, added, regulator, second_stage, excited),
     ports=("Efd",),
     states=("VE", "xF", "Vm", "x", "A"),
     setpoints=("Vref", "low", "high", "lowR", "highR", "limitL", "lowE", "satA", "satB"),

@@ -2,7 +2,7 @@ r"""EXPIC1, exciter with PI regulator and a compound source.
 
 .. math::
 
-    T_R\,\dot V_m &= V_c - V_m,\quad e = V_{ref} + V_s - V_m - V_F  & (1)\\
+    T_R\,\dot V_m &= V_c - V_m,\quad e = V_{ref} + V_s + V_{UEL} + V_{OEL} - V_m - V_F  & (1)\\
     V_A &= K_A T_{A1}\,e + x_A,\quad \dot x_A = K_A\,e,\quad V_{R2} \le V_A \le V_{R1}  & (2)\\
     V_R &= \frac{1 + sT_{A3}}{(1 + sT_{A2})(1 + sT_{A4})}V_A\ \text{within}\ V_{RMIN},\ V_{RMAX}  & (3)\\
     E_0 &= V_R V_B\ \text{within}\ E_{FDMIN},\ E_{FDMAX}  & (4)\\
@@ -10,8 +10,7 @@ r"""EXPIC1, exciter with PI regulator and a compound source.
     V_F &= \frac{sK_F}{(1 + sT_{F1})(1 + sT_{F2})}V_R  & (6)
 
 with the available voltage :math:`V_B` of `errorscreen.models.exciters.compound_source`. The integral (2) holds while
-its output is at a limit and the input leads beyond it; the limits (3) and (4) act behind their blocks. Signals of
-excitation limiters are not modelled.
+its output is at a limit and the input leads beyond it; the limits (3) and (4) act behind their blocks.
 
 (PSS/E model library, EXPIC1.)
 """
@@ -72,6 +71,8 @@ FIELDS = record(
 def expic1(
     Vc: Any,
     Vs: Any,
+    VUEL: Any,
+    VOEL: Any,
     Vd: Any,
     Vq: Any,
     Id: Any,
@@ -118,7 +119,7 @@ def expic1(
     slowF, fastF = select(TF1 > TF2, TF1, TF2), select(TF1 > TF2, TF2, TF1)
     loop = KA * TA1 * high_frequency_gain(TA3, slow, shortest) * KF / longer(slowF, shortest)
     measured, d_Vm = lag(Vm, Vc, TR, shortest)
-    VA, d_xA = limited_pi(xA, Vref + Vs - measured - xG, KA * TA1, KA, lowA, highA)
+    VA, d_xA = limited_pi(xA, Vref + Vs - measured - xG + VUEL + VOEL, KA * TA1, KA, lowA, highA)
     y, d_x2 = lead_lag(x2, VA, TA3, slow, shortest)
     z, d_x4 = lag(x4, y, fast, shortest)
     VR = clip(z, lowR, highR)

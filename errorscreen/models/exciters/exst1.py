@@ -2,13 +2,14 @@ r"""EXST1, static exciter fed by the terminal (IEEE type ST1, 1981).
 
 .. math::
 
-    T_R\,\dot V_m &= V_c - V_m,\quad e = V_{ref} + V_s - V_m - V_F,\quad V_{IMIN} \le e \le V_{IMAX}  & (1)\\
+    T_R\,\dot V_m &= V_c - V_m,\quad e = V_{ref} + V_s + V_{UEL} + V_{OEL} - V_m - V_F,\quad
+    V_{IMIN} \le e \le V_{IMAX}  & (1)\\
     T_B\,\dot x &= e - x,\quad y = x + (T_C/T_B)(e - x)  & (2)\\
     T_A\,\dot V_A &= K_A y - V_A  & (3)\\
     E_{fd} &= V_A\ \text{within}\ V\,V_{RMIN} - K_C X_{ad}I_{fd},\ V\,V_{RMAX} - K_C X_{ad}I_{fd}  & (4)\\
     T_F\,\dot x_F &= V_A - x_F,\quad V_F = (K_F/T_F)(V_A - x_F)  & (5)
 
-The limits (4) act behind the regulator, which is not held at them. Signals of excitation limiters are not modelled.
+The limits (4) act behind the regulator, which is not held at them.
 
 (PSS/E model library, EXST1; IEEE committee report, *Excitation system models for power system stability studies*,
 1981.)
@@ -45,6 +46,8 @@ FIELDS = record(
 def exst1(
     Vc: Any,
     Vs: Any,
+    VUEL: Any,
+    VOEL: Any,
     V: Any,
     If: Any,
     Vm: Any,
@@ -69,7 +72,7 @@ def exst1(
     """Field voltage and derivatives, (1) to (5)."""
     measured, d_Vm = lag(Vm, Vc, TR, shortest)
     VF, d_xF = rate(xF, VA, KF, TF, shortest)
-    y, d_x = lead_lag(x, clip(Vref + Vs - measured - VF, lowI, highI), TC, TB, shortest)
+    y, d_x = lead_lag(x, clip(Vref + Vs - measured - VF + VUEL + VOEL, lowI, highI), TC, TB, shortest)
     # the rate feedback makes the regulator faster by its loop gain; the loop lasts at least the shortest time
     lead = high_frequency_gain(TC, TB, shortest)
     T = longer(TA, shortest * (1.0 + KA * lead * KF / longer(TF, shortest)))

@@ -3,13 +3,13 @@ r"""IEEET1, rotating exciter with continuously acting regulator (IEEE type 1, 19
 .. math::
 
     T_R\,\dot V_m &= V_c - V_m  & (1)\\
-    T_A\,\dot V_R &= K_A(V_{ref} + V_s - V_m - V_F) - V_R,\quad
+    T_A\,\dot V_R &= K_A(V_{ref} + V_s + V_{UEL} + V_{OEL} - V_m - V_F) - V_R,\quad
     V_{RMIN} \le V_R \le V_{RMAX}\ \text{(non-windup)}  & (2)\\
     T_E\,\dot E_{fd} &= V_R - K_E E_{fd} - S_E(E_{fd})E_{fd}  & (3)\\
     T_F\,\dot x_F &= E_{fd} - x_F,\quad V_F = (K_F/T_F)(E_{fd} - x_F)  & (4)
 
 Zero as KE or VRMAX means a computed value (`errorscreen.models.exciters.rotating`). The field ``Switch`` of the record
-is a place holder. Signals of excitation limiters are not modelled.
+is a place holder.
 
 (PSS/E model library, IEEET1; type DC1 of IEEE Std 421.5-2016 without lead-lag.)
 """
@@ -47,6 +47,8 @@ FIELDS = record(
 def ieeet1(
     Vc: Any,
     Vs: Any,
+    VUEL: Any,
+    VOEL: Any,
     Vm: Any,
     VR: Any,
     E: Any,
@@ -68,7 +70,7 @@ def ieeet1(
     """Field voltage and derivatives, (1) to (4); ``gain`` is KE, computed where the record has 0."""
     measured, d_Vm = lag(Vm, Vc, TR, shortest)
     VF, d_xF = rate(xF, E, KF, TF, shortest)
-    regulator, d_VR = limited_lag(VR, KA * (Vref + Vs - measured - VF), TA, low, high, shortest)
+    regulator, d_VR = limited_lag(VR, KA * (Vref + Vs - measured - VF + VUEL + VOEL), TA, low, high, shortest)
     return E, VF, d_Vm, d_VR, rotating(E, regulator, gain, TE, satA, satB, shortest), d_xF
 
 

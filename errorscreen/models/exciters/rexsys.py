@@ -2,7 +2,8 @@ r"""REXSYS, general rotating excitation system: voltage regulator, field current
 
 .. math::
 
-    T_R\,\dot V_m &= V_c - V_m,\quad e = V_{ref} + V_s - V_m - V_F\ \text{within}\ \pm V_{IMAX}  & (1)\\
+    T_R\,\dot V_m &= V_c - V_m,\quad
+    e = V_{ref} + V_s + V_{UEL} + V_{OEL} - V_m - V_F\ \text{within}\ \pm V_{IMAX} & (1)\\
     y &= \frac{(1 + sT_{C1})(1 + sT_{C2})}{(1 + sT_{B1})(1 + sT_{B2})}\Big(K_{VP} + \frac{K_{VI}}{s}\Big)e  & (2)\\
     T_A\,\dot V_R &= y - V_R,\quad V_{RMIN} \le V_R \le V_{RMAX}\ \text{(non-windup)}  & (3)\\
     z &= \Big(K_{IP} + \frac{K_{II}}{s}\Big)(V_R - K_H V_{FE})\ \text{within}\ m\,V_{FMIN}, m\,V_{FMAX}  & (4)\\
@@ -11,7 +12,7 @@ r"""REXSYS, general rotating excitation system: voltage regulator, field current
 
 with m the terminal voltage where F1IMF is 1, else 1, and u after FBF: 0 :math:`V_R`, 1 :math:`V_{FE}`, 2
 :math:`E_{fd}`. The integral of (2) stays within the limits of (3), that of (4) stops while z is at a limit. Alternator
-and rectifier are those of `errorscreen.models.exciters.alternator`. Signals of excitation limiters are not modelled.
+and rectifier are those of `errorscreen.models.exciters.alternator`.
 
 (PSS/E model library, REXSYS; PSLF, REXS; IEC 61970-302, ExcREXS, without compounding and V/Hz limiter.)
 """
@@ -80,12 +81,13 @@ def feedback(
 
 @stage("d_Vm", "d_xV", "d_x1", "d_x2", "d_R")
 def voltage_regulator(
-    Vc: Any, Vs: Any, VF: Any, Vm: Any, xV: Any, x1: Any, x2: Any, R: Any, Vref: Any, lowI: Any, highI: Any, lowR: Any,
-    highR: Any, TR: Any, KVP: Any, KVI: Any, TA: Any, TB1: Any, TC1: Any, TB2: Any, TC2: Any, shortest: Any,
+    Vc: Any, Vs: Any, VUEL: Any, VOEL: Any, VF: Any, Vm: Any, xV: Any, x1: Any, x2: Any, R: Any, Vref: Any,
+    lowI: Any, highI: Any, lowR: Any, highR: Any, TR: Any, KVP: Any, KVI: Any, TA: Any, TB1: Any, TC1: Any, TB2: Any,
+    TC2: Any, shortest: Any,
 ) -> Any:  # fmt: skip
     """Voltage regulator, (1) to (3)."""
     measured, d_Vm = lag(Vm, Vc, TR, shortest)
-    e = clip(Vref + Vs - measured - VF, lowI, highI)
+    e = clip(Vref + Vs - measured - VF + VUEL + VOEL, lowI, highI)
     integral = clip(xV, lowR, highR)
     y1, d_x1 = lead_lag(x1, KVP * e + integral, TC1, TB1, shortest)
     y2, d_x2 = lead_lag(x2, y1, TC2, TB2, shortest)

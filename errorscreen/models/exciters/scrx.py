@@ -2,14 +2,13 @@ r"""SCRX, static exciter fed by its bus or by a solid source.
 
 .. math::
 
-    e &= V_{ref} + V_s - V_c  & (1)\\
+    e &= V_{ref} + V_s + V_{UEL} + V_{OEL} - V_c  & (1)\\
     T_B\,\dot x &= e - x,\quad y = x + (T_A/T_B)(e - x)  & (2)\\
     T_E\,\dot E &= K y - E,\quad E_{MIN} \le E \le E_{MAX}\ \text{(non-windup)}  & (3)\\
     E_{fd} &= \begin{cases} E\,V & \text{bus fed (CSWITCH = 0)}\\ E & \text{solid fed (CSWITCH = 1)} \end{cases} & (4)
 
 While the field current is negative and :math:`r_c/r_{fd} > 0`, the bridge blocks and the current flows through the
 resistor :math:`r_c`: :math:`E_{fd} = -(r_c/r_{fd}) X_{ad}I_{fd}`. With :math:`r_c/r_{fd} = 0` the bridge carries it.
-Signals of excitation limiters are not modelled.
 
 (PSS/E model library, SCRX; type AC4 of IEEE Std 421.5-2016 in per unit of a bus-fed bridge.)
 """
@@ -43,6 +42,8 @@ FIELDS = record(
 def scrx(
     Vc: Any,
     Vs: Any,
+    VUEL: Any,
+    VOEL: Any,
     V: Any,
     If: Any,
     x: Any,
@@ -59,7 +60,7 @@ def scrx(
     shortest: Any,
 ) -> Any:
     """Field voltage and derivatives, (1) to (4)."""
-    y, d_x = lead_lag(x, Vref + Vs - Vc, TA_TB * TB, TB, shortest)
+    y, d_x = lead_lag(x, Vref + Vs - Vc + VUEL + VOEL, TA_TB * TB, TB, shortest)
     inner, d_E = limited_lag(E, K * y, TE, low, high, shortest)
     bridge = select(CSWITCH == 0.0, inner * V, inner)
     return select((If < 0.0) & (rc_rfd > 0.0), -rc_rfd * If, bridge), d_x, d_E

@@ -2,7 +2,7 @@ r"""SEXS, simplified excitation system.
 
 .. math::
 
-    e &= V_{ref} + V_s - V_c                                                & (1)\\
+    e &= V_{ref} + V_s + V_{UEL} + V_{OEL} - V_c                                                & (1)\\
     T_B\,\dot x &= e - x,\quad y = x + (T_A/T_B)(e - x)                          & (2)\\
     T_E\,\dot E_{fd} &= K y - E_{fd},\quad E_{MIN} \le E_{fd} \le E_{MAX}\ \text{(non-windup)}   & (3)
 
@@ -33,6 +33,8 @@ FIELDS = record(
 def sexs(
     Vc: Any,
     Vs: Any,
+    VUEL: Any,
+    VOEL: Any,
     x: Any,
     E: Any,
     Vref: Any,
@@ -45,7 +47,7 @@ def sexs(
     shortest: Any,
 ) -> Any:
     """Field voltage and derivatives, (1) to (3)."""
-    y, d_x = lead_lag(x, Vref + Vs - Vc, TA_TB * TB, TB, shortest)
+    y, d_x = lead_lag(x, Vref + Vs - Vc + VUEL + VOEL, TA_TB * TB, TB, shortest)
     Efd, d_E = limited_lag(E, K * y, TE, low, high, shortest)
     return Efd, d_x, d_E
 

@@ -2,14 +2,14 @@ r"""ST5B, static exciter fed by the terminal, with two limited lead-lags (IEEE t
 
 .. math::
 
-    T_R\,\dot V_m &= V_c - V_m,\quad e = V_{ref} - V_m + V_s  & (1)\\
+    T_R\,\dot V_m &= V_c - V_m,\quad e = \min(\max(V_{ref} - V_m + V_L, V_{UEL}), V_{OEL}) + V_s  & (1)\\
     y &= \frac{1 + sT_{C1}}{1 + sT_{B1}}e,\quad z = \frac{1 + sT_{C2}}{1 + sT_{B2}}y,\quad
     V_{RMIN}/K_R \le y, z \le V_{RMAX}/K_R\ \text{(non-windup)}  & (2)\\
     T_1\,\dot E &= K_R z - K_C X_{ad}I_{fd} - E,\quad
     V\,V_{RMIN} \le E_{fd} = E \le V\,V_{RMAX}\ \text{(non-windup)} & (3)
 
-Signals of excitation limiters are not modelled, so that the time constants of their paths (TUC1 to TOB2) have no
-effect.
+:math:`V_L` are the signals of limiters that do not enter at the gates of (1) (`errorscreen.models.limiters.gates`).
+While a gate acts, the lead-lags keep the time constants of voltage control: TUC1 to TOB2 have no effect.
 
 (IEEE Std 421.5-2005, type ST5B; PSS/E model library, ST5B.)
 """
@@ -20,6 +20,13 @@ from typing import Any
 
 from errorscreen.engine.stages import stage
 from errorscreen.models.blocks import following_lag, lag, limited_lead_lag
+from errorscreen.models.limiters.gates import (
+    high_value,
+    low_value,
+    over_excitation_gate,
+    summed,
+    under_excitation_gate,
+)
 from errorscreen.models.part import Limit, Part, Start, Values, holding, record
 
 FIELDS = record(
@@ -50,6 +57,8 @@ FIELDS = record(
 def st5b(
     Vc: Any,
     Vs: Any,
+    VUEL: Any,
+    VOEL: Any,
     V: Any,
     If: Any,
     Vm: Any,
@@ -61,6 +70,8 @@ def st5b(
     high: Any,
     lowE: Any,
     highE: Any,
+    gateU: Any,
+    gateO: Any,
     TR: Any,
     TC1: Any,
     TB1: Any,
@@ -73,7 +84,9 @@ def st5b(
 ) -> Any:
     """Field voltage and derivatives, (1) to (3)."""
     measured, d_Vm = lag(Vm, Vc, TR, shortest)
-    y, d_x1 = limited_lead_lag(x1, Vref - measured + Vs, TC1, TB1, low / KR, high / KR, shortest)
+    gated = Vref - measured + summed(VUEL, gateU) + summed(VOEL, gateO)
+    gated = low_value(high_value(gated, VUEL, gateU), VOEL, gateO)
+    y, d_x1 = limited_lead_lag(x1, gated + Vs, TC1, TB1, low / KR, high / KR, shortest)
     z, d_x2 = limited_lead_lag(x2, y, TC2, TB2, low / KR, high / KR, shortest)
     Efd, d_E = following_lag(E, KR * z - KC * If, T1, V * lowE, V * highE, shortest)
     return Efd, d_Vm, d_x1, d_x2, d_E
@@ -87,12 +100,24 @@ def start(v: Values) -> Start:
     low, high = holding(VR, v["VRMIN"], v["VRMAX"])
     relative = E / v["V"]
     lowE, highE = holding(relative, v["VRMIN"], v["VRMAX"])
+    gateU, under = under_excitation_gate(v, error - v["Vs"])
+    gateO, over = over_excitation_gate(v, error - v["Vs"])
     return Start(
         {"Vm": v["Vc"], "x1": error, "x2": error, "E": E},
-        {"Vref": error + v["Vc"] - v["Vs"], "low": low, "high": high, "lowE": lowE, "highE": highE},
+        {
+            "Vref": error + v["Vc"] - v["Vs"],
+            "low": low,
+            "high": high,
+            "lowE": lowE,
+            "highE": highE,
+            "gateU": gateU,
+            "gateO": gateO,
+        },
         (
             Limit("regulator", VR, v["VRMIN"], v["VRMAX"], ("VRMIN", "VRMAX")),
             Limit("field voltage at V = 1", relative, v["VRMIN"], v["VRMAX"], ("VRMIN", "VRMAX")),
+            under,
+            over,
         ),
     )
 
@@ -105,7 +130,7 @@ ST5B = Part(
     stages=(st5b,),
     ports=("Efd",),
     states=("Vm", "x1", "x2", "E"),
-    setpoints=("Vref", "low", "high", "lowE", "highE"),
+    setpoints=("Vref", "low", "high", "lowE", "highE", "gateU", "gateO"),
     start=start,
     rules=("VRMIN < VRMAX", "TC1 needs TB1", "TC2 needs TB2"),
     formula="Efd = [(KR · (1 + s TC1) / (1 + s TB1) · (1 + s TC2) / (1 + s TB2) · (Vref + Vs − Vc / (1 + s TR)) "

@@ -26,6 +26,7 @@ from errorscreen.engine.stages import stage
 from errorscreen.engine.vmath import clip, select
 from errorscreen.models.blocks import lag, longer
 from errorscreen.models.part import Limit, Part, Start, Values, holding, record
+from errorscreen.models.renewables.behind import along_terminal, voltage_behind
 
 FIELDS = record(
     """
@@ -48,6 +49,14 @@ def terminal(Vr: Any, Vi: Any, Ed: Any, Eq: Any, Vf: Any, Xsource: Any, Tfltr: A
     V = np.sqrt(Vr * Vr + Vi * Vi)
     Vm, d_Vf = lag(Vf, V, Tfltr, shortest)
     return V, V * Eq / Xsource, V * (Ed - V) / Xsource, Vm, d_Vf
+
+
+@stage("Ir", "Ii")
+def behind(Er: Any, Ei: Any, R_grid: Any, X_grid: Any, Ed: Any, Eq: Any, Xsource: Any) -> Any:
+    """Current behind an impedance: that of (4) is a straight line in V, (Z3)."""
+    E = np.sqrt(Er * Er + Ei * Ei)
+    V = voltage_behind(E, R_grid, X_grid, Eq / Xsource, 0.0, Ed / Xsource, -1.0 / Xsource)
+    return along_terminal(Er, Ei, V, Eq / Xsource, (Ed - V) / Xsource, R_grid, X_grid)
 
 
 @stage("d_Ip", "d_Iq", "d_Ed", "d_Eq")
@@ -97,4 +106,5 @@ REGCB1 = Part(
     formula="(1) to (4)",
     source="WECC REGC_B; PSS/E model library, REGCB1",
     aliases=("REGCBU1",),
+    behind=behind,
 )

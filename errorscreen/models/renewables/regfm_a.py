@@ -20,6 +20,14 @@ QVFlag = 1 and times :math:`m_q` with QVFlag = 0; the meaning of that flag is ou
 ``shortest``. The reactance is that of the generator in the file of the network (``Xsource``); its resistance is left
 out.
 
+Behind an impedance R + jX from the voltage :math:`V'`, the limit of the current is a larger reactance, because both
+voltage drops are in quadrature to the current:
+
+.. math::
+
+    I &= \frac{E\,e^{j\delta} - V'}{R + jX_I},\quad X_I = X + X_{source},\quad
+    X_I = \sqrt{|E\,e^{j\delta} - V'|^2/I_{max}^2 - R^2}\ \text{where}\ |I| > I_{max}                    & (5)
+
 (W. Du, *Model Specification of Droop-Controlled, Grid-Forming Inverters (REGFM_A1)*, PNNL-35110, 2023; PSS/E model
 library, REGFMA1.)
 """
@@ -78,6 +86,20 @@ def one_sided(x: Any, u: Any, KP: Any, KI: Any, lower: Any, upper: Any) -> Any:
     return clip(x + KP * u, lower, upper), hold_at_limits(x, KI * u, lower, upper)
 
 
+@register_jitable
+def inner_voltage(
+    Qf: Any, Vf: Any, xv: Any, xu: Any, xl: Any, Vset: Any, Q0: Any, lowE: Any, highE: Any, lowQ: Any, highQ: Any,
+    Qmove: Any, VFlag: Any, mq: Any, kpqmax: Any, kiqmax: Any, kpv: Any, kiv: Any,
+) -> Any:  # fmt: skip
+    """Internal voltage and the derivatives of its controls, (2), (3)."""
+    above, d_xu = one_sided(xu, highQ - Qf, kpqmax, kiqmax, -_NONE, 0.0)
+    below, d_xl = one_sided(xl, lowQ - Qf, kpqmax, kiqmax, 0.0, _NONE)
+    wanted = Vset + Qmove - mq * (Qf - Q0) + above + below
+    controlled, d_xv = one_sided(xv, wanted - Vf, kpv, kiv, lowE, highE)
+    inner = VFlag == 1.0
+    return select(inner, controlled, clip(wanted, lowE, highE)), select(inner, d_xv, 0.0), d_xu, d_xl
+
+
 @stage("V", "P", "Q", "E", "d_xv", "d_xu", "d_xl")
 def terminal(
     Vr: Any, Vi: Any, delta: Any, Qf: Any, Vf: Any, xv: Any, xu: Any, xl: Any, Vset: Any, Q0: Any, lowE: Any,
@@ -85,18 +107,37 @@ def terminal(
     kiv: Any, Xsource: Any,
 ) -> Any:  # fmt: skip
     """Internal voltage, and the power that it drives through the reactance, (2) to (4)."""
-    above, d_xu = one_sided(xu, highQ - Qf, kpqmax, kiqmax, -_NONE, 0.0)
-    below, d_xl = one_sided(xl, lowQ - Qf, kpqmax, kiqmax, 0.0, _NONE)
-    wanted = Vset + Qmove - mq * (Qf - Q0) + above + below
-    controlled, d_xv = one_sided(xv, wanted - Vf, kpv, kiv, lowE, highE)
-    inner = VFlag == 1.0
-    E = select(inner, controlled, clip(wanted, lowE, highE))
+    E, d_xv, d_xu, d_xl = inner_voltage(
+        Qf, Vf, xv, xu, xl, Vset, Q0, lowE, highE, lowQ, highQ, Qmove, VFlag, mq, kpqmax, kiqmax, kpv, kiv
+    )
     s, c = sincos(delta)
     Ir, Ii = (E * s - Vi) / Xsource, (Vr - E * c) / Xsource
     size = np.sqrt(Ir * Ir + Ii * Ii)
     share = select(size > highI, highI / clip(size, 1e-6, _NONE), 1.0)
     P, Q = share * (Vr * Ir + Vi * Ii), share * (Vi * Ir - Vr * Ii)
-    return np.sqrt(Vr * Vr + Vi * Vi), P, Q, E, select(inner, d_xv, 0.0), d_xu, d_xl
+    return np.sqrt(Vr * Vr + Vi * Vi), P, Q, E, d_xv, d_xu, d_xl
+
+
+@stage("Ir", "Ii")
+def behind(
+    Er: Any, Ei: Any, R_grid: Any, X_grid: Any, delta: Any, Qf: Any, Vf: Any, xv: Any, xu: Any, xl: Any, Vset: Any,
+    Q0: Any, lowE: Any, highE: Any, lowQ: Any, highQ: Any, highI: Any, Qmove: Any, VFlag: Any, mq: Any, kpqmax: Any,
+    kiqmax: Any, kpv: Any, kiv: Any, Xsource: Any,
+) -> Any:  # fmt: skip
+    """Current behind an impedance, (4), (5)."""
+    E, _v, _u, _l = inner_voltage(
+        Qf, Vf, xv, xu, xl, Vset, Q0, lowE, highE, lowQ, highQ, Qmove, VFlag, mq, kpqmax, kiqmax, kpv, kiv
+    )
+    s, c = sincos(delta)
+    Dr, Di = E * c - Er, E * s - Ei
+    X = Xsource + X_grid
+    apart, free = Dr * Dr + Di * Di, R_grid * R_grid + X * X
+    beyond = apart > highI * highI * free
+    drop = R_grid * highI
+    rest = np.sqrt(clip(apart - drop * drop, 0.0, _NONE))  # (X I + Xsource rho) at the limit
+    X = select(beyond, rest / highI, X)
+    square = R_grid * R_grid + X * X
+    return (R_grid * Dr + X * Di) / square, (R_grid * Di - X * Dr) / square
 
 
 @stage("d_delta", "d_Pf", "d_Qf", "d_Vf", "d_xh", "d_xm", "d_Qmove")
@@ -163,4 +204,5 @@ REGFMA1 = Part(
     rules=("Emin < Emax", "Pmin <= Pmax", "Qmin <= Qmax"),
     formula="(1) to (4)",
     source="WECC REGFM_A1; PSS/E model library, REGFMA1",
+    behind=behind,
 )

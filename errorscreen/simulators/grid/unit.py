@@ -46,7 +46,7 @@ class Unit:
 
     def __post_init__(self) -> None:
         where = f"unit at bus {self.bus}"
-        if self.model.grid is None or self.model.grid.names:
+        if self.model.grid is None or self.model.grid.names or self.model.grid.kind == "solved":
             raise InputError(f"the device {self.model.name!r} cannot be connected to a grid", where=where)
         check_real(self.rating, "the rating", low=0, above=True, where=where)
         _check_constants(self, where)

@@ -1,4 +1,4 @@
-"""Voltage that drives a plant in playback: the recorded one, or that behind the grid's impedance."""
+"""Signals that drive a plant in playback: the recorded voltage, or that behind the grid's impedance, and others."""
 
 from __future__ import annotations
 
@@ -36,20 +36,25 @@ def driving_voltage(
     impedance: complex,
     interpolation: str,
     jump: tuple[int, int, bool] | None = None,
+    *,
+    inputs: tuple[str, ...] = (),
 ) -> NDArray[np.float64]:
-    """Real and imaginary part of the driving voltage at every half step, shape (2 * n_steps + 1, 2).
+    """Real and imaginary part of the driving voltage at every half step, shape (2 * n_steps + 1, 2 + n_inputs).
+
+    Further columns are the deviations of recorded `inputs` from their values before the event.
 
     Magnitude and angle are interpolated, not the components, so a turning phasor keeps its length. Monotone cubics
     (F. N. Fritsch and J. Butland, SIAM J. Sci. Stat. Comput. 5, 1984) do not overshoot at a step. With a `jump`, (first
     sample, last sample, early), all signals jump just after the first sample, or just before the last.
     """
-    needed = ("V", *(("angle",) if needs_angle else ()), *(("P", "Q") if impedance else ()))
+    needed = ("V", *(("angle",) if needs_angle else ()), *(("P", "Q") if impedance else ()), *inputs)
     if not set(needed) <= set(event.signals):
         raise InputError(
             f"the event {event.name!r} has the signals {', '.join(event.signals) or 'none'}",
             allowed=f"{', '.join(needed)} for this device" + (" behind an impedance" if impedance else ""),
         )
-    used = [name for name in ("V", "angle", *(("P", "Q") if impedance else ())) if name in event.signals]
+    used = ("V", "angle", *(("P", "Q") if impedance else ()), *inputs)
+    used = tuple(name for name in used if name in event.signals)
     samples = np.arange(len(event.time))
     position = np.arange(2 * every * samples[-1] + 1) / (2 * every)
     values = np.array([event.signals[name] for name in used], dtype=float)
@@ -72,4 +77,4 @@ def driving_voltage(
                 remedy="Leave the impedance out: the plant does not move a short-circuited voltage",
             )
         V = V - impedance * np.conj((signals["P"] + 1j * signals["Q"]) / V)
-    return np.column_stack([V.real, V.imag])
+    return np.column_stack([V.real, V.imag, *(signals[name] - event.initial[name] for name in inputs)])

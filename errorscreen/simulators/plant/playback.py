@@ -13,13 +13,16 @@ from errorscreen.data.observations import Observation
 from errorscreen.data.preparation import Doubt
 from errorscreen.data.recordings import Recording
 from errorscreen.data.signals import scatter
-from errorscreen.events import Playback
+from errorscreen.events import Playback, SetPointStep
 from errorscreen.exceptions import DataWarning, InputError
+from errorscreen.simulators.plant.terminal_angle import NO_ANGLE, AngleSource, angle_behind, noise_of_angle
 
 #: plausible P in pu: less is a plant out of service, or a base a hundred times too large; more is a wrong unit or base
 LEAST_P, MOST_P = 0.01, 2.0
 #: Q of at least this (pu) and this part of P is a power factor below 0.55, which no plant has for long
 LARGE_Q, Q_OVER_P = 0.3, 1.5
+#: levels of a recorded input and of the model are told apart by more than this part of at least so many pu
+APART, _SMALL = 0.05, 0.1
 
 
 def playback_observation(
@@ -30,14 +33,17 @@ def playback_observation(
     needs_angle: bool = True,
     grid_impedance: complex = 0.0,
     operating_point: Mapping[str, float] | None = None,
+    driven: Mapping[str, tuple[str, ...]] | None = None,
+    angle_source: AngleSource = NO_ANGLE,
 ) -> Observation:
     r"""Voltage to inject and channels to compare with, on one uniform grid.
 
     The device starts at an equilibrium, so the angle is taken in a frame that rotates at the mean pre-event frequency:
     the straight line through its quiet part is removed. Where only the frequency was recorded, the angle is its
-    integral, :math:`\theta = 2\pi\int (f - f_{pre})\,dt`. Short gaps of the voltage are interpolated, longer ones
-    (`errorscreen.data.resampling.SHORT_GAP`) only before the event, and nothing is compared there. With an impedance,
-    the recorded P and Q are injected as well.
+    integral, :math:`\theta = 2\pi\int (f - f_{pre})\,dt`; without both, `angle_source` gives it. Short gaps of the
+    voltage are interpolated, longer ones (`errorscreen.data.resampling.SHORT_GAP`) only before the event, and nothing
+    is compared there. With an impedance, the recorded P and Q are injected as well, and so are the quantities that
+    drive the device (`Device.driven`).
     """
     where = f"recording {recording.name!r}"
     if "V" not in recording.channels:
@@ -56,16 +62,20 @@ def playback_observation(
     power = ["P", "Q"] if grid_impedance else []
     # behind an impedance a recorded angle counts for every device, as a phase-locked loop follows it
     needs_angle = needs_angle or bool(power and {"angle", "f"} & set(source.channels))
+    of_angle: dict[str, float] = {}
     if needs_angle:
-        signals["angle"] = _angle(source, quiet, unknown, notes, where)
+        signals["angle"], of_angle = _angle(source, quiet, unknown, notes, where, angle_source)
     if power:
         signals |= _power(source, unknown, notes, where)
         notes.append(
             "The plant moves its own voltage: it is driven by the voltage behind the grid's impedance of "
             f"{grid_impedance.real:.3g} + j{grid_impedance.imag:.3g} pu."
         )
+    driven = driven or {}
+    signals |= {name: _driving(source, name, unknown, notes, where) for name in driven}
     given = {**source.given, **(operating_point or {})}
-    initial = {"V": source.initial(["V"])["V"]}
+    initial = source.initial(["V", *driven])
+    notes += [_said_of(name, replaced, initial[name]) for name, replaced in driven.items()]
     for name in ("P", "Q"):
         measured = name in source.channels and np.isfinite(source.channels[name].values[quiet]).any()
         if measured:
@@ -83,6 +93,7 @@ def playback_observation(
                 remedy=f"Give it as operating point, for example {name} = 0.5 (pu)",
             )
     notes += _warn_implausible(initial["P"], initial["Q"], where)
+    notes += [_told(one, source, where) for one in source.steps]
     values = np.full((len(channels), len(time)), np.nan)
     noise = np.ones(len(channels))
     for r, name in enumerate(channels):
@@ -90,18 +101,12 @@ def playback_observation(
             values[r] = source.channels[name].values
             noise[r] = source.channels[name].noise
     values[:, unknown] = np.nan
-    angle = ["angle" if "angle" in source.channels else "f"] if needs_angle else []
-    injected = {name: float(source.channels[name].noise) for name in ("V", *angle)}
-    # a given noise of P and Q may cover more than scatter, and only scatter moves the voltage behind the impedance
-    injected |= {
-        name: min(
-            float(source.channels[name].noise), scatter(time[quiet], source.channels[name].values[quiet])
-        )
-        for name in power
-    }
-    used = {"V", *angle, *power, *channels} & set(source.channels)
+    injected = {"V": float(source.channels["V"].noise), **of_angle}
+    injected |= {name: float(source.channels[name].noise) for name in driven}
+    injected |= {name: _scatter(source, name, quiet) for name in power}
+    used = {"V", *of_angle, *power, *driven, *channels} & set(source.channels)
     age = max(source.channels[name].age for name in used)
-    event = Playback(time, source.name, source.event_time, signals, initial, injected, age)
+    event = Playback(time, source.name, source.event_time, signals, initial, injected, age, source.steps)
     return Observation(event, values, noise, channels, ("pu",) * len(channels), tuple(notes))
 
 
@@ -111,6 +116,21 @@ def input_noise(event: Playback) -> dict[str, tuple[NDArray[np.float64], float]]
     if "f" in event.noise:
         found["angle"] = (np.full(len(event.time), 2 * np.pi * event.dt), event.noise["f"])
     return found
+
+
+def levels_apart(event: Playback, model: Mapping[str, float]) -> list[str]:
+    """Warn of recorded inputs whose level before the event is not that of the model; return the sentences."""
+    notes = []
+    for name, own in model.items():
+        recorded = event.initial[name]
+        if abs(recorded - own) > APART * max(abs(own), _SMALL):
+            factor = f" (factor {own / recorded:.3g})" if recorded * own > 0 else ""
+            notes.append(
+                f"{name} before the event was recorded as {recorded:.4g} pu, the model's equilibrium has {own:.4g} pu"
+                f"{factor}. Only the recorded deviation is used. If the record has another base, state the factor as "
+                f"scale of its column, because the deviation is as wrong; if not, the model's equilibrium is."
+            )
+    return _doubted(notes, f"event {event.name!r}")
 
 
 def _warn_implausible(P: float, Q: float, where: str) -> list[str]:
@@ -126,6 +146,10 @@ def _warn_implausible(P: float, Q: float, where: str) -> list[str]:
         notes.append(
             f"Q before the event is {Q:.3g} pu and P {P:.3g} pu: check that they are not interchanged."
         )
+    return _doubted(notes, where)
+
+
+def _doubted(notes: list[str], where: str) -> list[str]:
     for note in notes:
         # from the same place for every caller, so that Python shows it once in a run
         warnings.warn(f"{where}: {note}", DataWarning, stacklevel=2)
@@ -153,7 +177,8 @@ def _filled(
                 where=f"recording {recording.name!r}",
                 allowed=f"gaps of at most {resampling.SHORT_GAP * usual:.3g} s from the event on",
                 remedy="End the window before the gap (t_end), or use another recording"
-                + (", or leave the grid's impedance out" if name in ("P", "Q") else ""),
+                + (", or leave the grid's impedance out" if name in ("P", "Q") else "")
+                + (f", or leave {name} out of inputs" if name in ("Efd", "Pm") else ""),
             )
         unknown[first : last + 1] = True
     notes.append(
@@ -163,13 +188,64 @@ def _filled(
     return np.interp(time, time[known], values[known])
 
 
+def _driving(
+    recording: Recording, name: str, unknown: NDArray[np.bool_], notes: list[str], where: str
+) -> NDArray[np.float64]:
+    """Channel that drives the device in place of a model."""
+    if name not in recording.channels or not np.isfinite(recording.channels[name].values).any():
+        raise InputError(
+            f"{name} was not recorded, but shall drive the unit",
+            where=where,
+            allowed=f"a channel {name} in pu",
+            remedy=f"Map a column to {name}, or leave {name} out of inputs",
+        )
+    return _filled(recording, name, unknown, notes)
+
+
+def _told(step: SetPointStep, recording: Recording, where: str) -> str:
+    """What is known of a step; `InputError` if it lies outside of the event."""
+    low, high = recording.quiet[1], float(recording.time[-1])
+    if not low < step.time < high:
+        raise InputError(
+            f"{step.quantity} steps at {step.time:g} s",
+            where=where,
+            allowed=f"behind the quiet part and before the end, {low:g} to {high:g} s",
+            remedy="Correct its time, or set event_time to the first step",
+        )
+    size = (
+        f"by a size that is to be found, {step.quantity}.step"
+        if step.size is None
+        else f"by {step.size:g} pu"
+    )
+    return f"As stated, {step.quantity} steps at {step.time:g} s {size}."
+
+
+def _said_of(name: str, replaced: tuple[str, ...], level: float) -> str:
+    """What a recorded input does in the unit."""
+    models = f" in place of {', '.join(replaced)}, whose parameters are no candidates" if replaced else ""
+    return (
+        f"The recorded {name} drives the unit{models}: its deviation from {level:.4g} pu, its mean before the event, "
+        f"is added to the {name} of the model's equilibrium. {name} is not compared."
+    )
+
+
+def _scatter(recording: Recording, name: str, quiet: NDArray[np.bool_]) -> float:
+    """Noise of P or Q that moves what follows from it: a given noise may cover more than scatter."""
+    channel = recording.channels[name]
+    return min(float(channel.noise), scatter(recording.time[quiet], channel.values[quiet]))
+
+
 def _power(
-    recording: Recording, unknown: NDArray[np.bool_], notes: list[str], where: str
+    recording: Recording,
+    unknown: NDArray[np.bool_],
+    notes: list[str],
+    where: str,
+    wanted: str = "voltage behind the grid's impedance",
 ) -> dict[str, NDArray[np.float64]]:
     for name in ("P", "Q"):
         if name not in recording.channels or not np.isfinite(recording.channels[name].values).any():
             raise InputError(
-                f"{name} was not recorded, so the voltage behind the grid's impedance is unknown",
+                f"{name} was not recorded, so the {wanted} is unknown",
                 where=where,
                 allowed="P and Q of the plant",
                 remedy=f"Map a column to {name}, or leave the grid's impedance out",
@@ -178,9 +254,14 @@ def _power(
 
 
 def _angle(
-    recording: Recording, quiet: NDArray[np.bool_], unknown: NDArray[np.bool_], notes: list[str], where: str
-) -> NDArray[np.float64]:
-    """Angle of the terminal voltage in rad against a frame of the pre-event frequency."""
+    recording: Recording,
+    quiet: NDArray[np.bool_],
+    unknown: NDArray[np.bool_],
+    notes: list[str],
+    where: str,
+    source: AngleSource,
+) -> tuple[NDArray[np.float64], dict[str, float]]:
+    """Angle of the terminal voltage in rad against a frame of the pre-event frequency, and noise by its channel."""
     time = recording.time
     if "angle" in recording.channels:
         angle = _filled(recording, "angle", unknown, notes)
@@ -190,18 +271,51 @@ def _angle(
             "The angle is taken against a frame of the mean pre-event frequency, "
             f"{recording.f_nominal + slope / (2 * np.pi):.4f} Hz."
         )
-        return angle - offset - slope * time
+        return angle - offset - slope * time, {"angle": float(recording.channels["angle"].noise)}
     if "f" in recording.channels:
         frequency = _filled(recording, "f", unknown, notes)
         before = float(frequency[quiet].mean())
         deviation = 2 * np.pi * (frequency - before)
         steps = 0.5 * (deviation[1:] + deviation[:-1]) * np.diff(time)
         notes.append(f"The angle is the integral of the recorded frequency against {before:.4f} Hz.")
-        return np.concatenate([[0.0], np.cumsum(steps)])
+        return np.concatenate([[0.0], np.cumsum(steps)]), {"f": float(recording.channels["f"].noise)}
+    if source.constant_frequency:
+        notes.append("As stated, the frequency of the terminal stays what it was before the event.")
+        return np.zeros(len(time)), {}
+    if source.reactance:
+        return _angle_from_power(recording, quiet, unknown, notes, where, source.reactance)
     raise InputError(
         "neither the angle nor the frequency of the terminal voltage was recorded, and the response of this "
         "device depends on it",
         where=where,
-        allowed="a channel angle or f",
-        remedy="Map a column to angle or f; a converter model without inertia (pv_plant) needs none",
+        allowed="a channel angle or f, or angle_reactance with recorded V, P and Q, or constant_frequency",
+        remedy="Map a column to angle or f; or state angle_reactance, the reactance to a strong grid in pu; or, for an "
+        "event in which the frequency rests, constant_frequency = true. A converter model without inertia (pv_plant) "
+        "needs none",
     )
+
+
+def _angle_from_power(
+    recording: Recording,
+    quiet: NDArray[np.bool_],
+    unknown: NDArray[np.bool_],
+    notes: list[str],
+    where: str,
+    X: float,
+) -> tuple[NDArray[np.float64], dict[str, float]]:
+    """Angle against a source behind a reactance, and its noise."""
+    V = _filled(recording, "V", unknown, [])
+    power = _power(recording, unknown, notes, where, "angle of the terminal")
+    angle, size = angle_behind(V, power["P"], power["Q"], X)
+    middle = (float(V[quiet].mean()), float(power["P"][quiet].mean()), float(power["Q"][quiet].mean()))
+    noise = (
+        float(recording.channels["V"].noise),
+        _scatter(recording, "P", quiet),
+        _scatter(recording, "Q", quiet),
+    )
+    notes.append(
+        f"The angle follows from V, P and Q against a source of constant angle behind {X:.3g} pu. The magnitude of "
+        f"that source is {size[quiet].mean():.3f} pu before the event, and {size.min():.3f} to {size.max():.3f} pu in "
+        "all: where it moves far, the grid is another one, and the angle is not known so."
+    )
+    return angle - angle[quiet].mean(), {"angle": noise_of_angle(middle, noise, X)}

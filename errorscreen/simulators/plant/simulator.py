@@ -17,18 +17,21 @@ from errorscreen.data.signals import correlation_time
 from errorscreen.effects import Effect, common_skew, effects_of, measurement_effects
 from errorscreen.engine.kernels import new_engine
 from errorscreen.events import Event, Playback
-from errorscreen.exceptions import InputError, unknown_name
+from errorscreen.exceptions import InputError
 from errorscreen.models import DEVICES, Device
+from errorscreen.models.set_points import with_steps
 from errorscreen.models.unit import SHORTEST
 from errorscreen.models.unit_start import UnitStart
 from errorscreen.parameters import ParameterSpace
 from errorscreen.simulators import assembly
 from errorscreen.simulators.base import Responses, Simulator
 from errorscreen.simulators.observations import check_recording
-from errorscreen.simulators.plant.connection import Connection, point_power
+from errorscreen.simulators.plant.connection import Connection, power_at_point
 from errorscreen.simulators.plant.driving_voltage import check_impedance, driving_voltage
 from errorscreen.simulators.plant.injection_noise import noise_left, propagated_energy, with_uncertainty
-from errorscreen.simulators.plant.playback import playback_observation
+from errorscreen.simulators.plant.playback import levels_apart, playback_observation
+from errorscreen.simulators.plant.settings import angle_source_of, channels_of, steps_of, with_frequency
+from errorscreen.simulators.plant.step_signals import step_signals
 from errorscreen.simulators.recent import Recent
 
 #: a response beyond this is not a machine's or a converter's, in pu
@@ -66,6 +69,11 @@ class PlantSimulator(Simulator):
         the plant is driven by the voltage behind the impedance, :math:`E = V_{rec} - Z I_{rec}`, and its own current
         moves the terminal, :math:`V = E + Z I`. P and Q must be recorded and count as true: there are no measurement
         effects.
+    constant_frequency : bool, default False
+        For recordings without angle and frequency: the frequency stays what it was before the event.
+    angle_reactance : float, default 0
+        For recordings without angle and frequency: reactance in pu of the device's base to a source of constant angle,
+        against which V, P and Q give the angle; see `errorscreen.simulators.plant.terminal_angle`.
     connection : Connection, optional
         Transformer, collector and line between the recorded point and the terminal of the device, where V, P and Q were
         recorded at another point. Not together with `grid_impedance`.
@@ -100,6 +108,8 @@ class PlantSimulator(Simulator):
         dt: float | None = None,
         operating_point: Mapping[str, float] | None = None,
         grid_impedance: complex = 0.0,
+        constant_frequency: bool = False,
+        angle_reactance: float = 0.0,
         connection: Connection | None = None,
         effects: Iterable[Effect] | None = None,
         n_threads: int | None = None,
@@ -111,11 +121,12 @@ class PlantSimulator(Simulator):
             raise InputError(
                 f"the step is {step}", where="PlantSimulator", allowed="a positive number of seconds"
             )
-        self.device = device
+        self.device = device = with_steps(device, steps_of(recording))
         self.parameters = device.candidates if parameters is None else parameters
         for name in self.parameters.names:
             device.candidates.index(name)
         self.grid_impedance = check_impedance(grid_impedance)
+        self.angle_source = angle_source_of(device, constant_frequency, angle_reactance)
         self.connection = connection
         if connection is not None and self.grid_impedance:
             raise InputError(
@@ -125,7 +136,7 @@ class PlantSimulator(Simulator):
             )
         self._behind = self.grid_impedance != 0
         inside = self._behind or connection is not None
-        self.constants = _with_frequency(
+        self.constants = with_frequency(
             device.constant_values(constants, in_grid=inside), recording, constants
         )
         if connection is not None:
@@ -152,8 +163,8 @@ class PlantSimulator(Simulator):
         self.step, self.dt = step, dt
         self.operating_point = dict(operating_point or {})
         self._recent, self._observed = Recent(), Recent()
-        point = None if connection is None else point_power
-        self.channels = _channels(recording, channels, device)
+        point = None if connection is None else power_at_point(device.interface.kind)
+        self.channels = channels_of(recording, channels, device)
         further = [name for name in self.channels if name in device.recordable]
         self._outputs = (*device.outputs, *further)
         model = assembly.assemble(device, self.effects, inside, point, further)
@@ -197,6 +208,8 @@ class PlantSimulator(Simulator):
             needs_angle=self.device.needs_angle,
             grid_impedance=self.grid_impedance,
             operating_point=self.operating_point,
+            driven=self.device.driven,
+            angle_source=self.angle_source,
         )
 
     @property
@@ -290,8 +303,17 @@ class PlantSimulator(Simulator):
     def _injected(self, event: Playback, every: int, *between: Any) -> NDArray[np.float64]:
 
         def compute() -> NDArray[np.float64]:
-            voltage = driving_voltage(event, every, self.device.needs_angle, self.grid_impedance, *between)
-            return voltage if self.connection is None else voltage / self.connection.tap
+            signals = driving_voltage(
+                event,
+                every,
+                self.device.needs_angle,
+                self.grid_impedance,
+                *between,
+                inputs=tuple(self.device.driven),
+            )
+            if self.connection is not None:
+                signals[:, :2] /= self.connection.tap
+            return np.column_stack([signals, *step_signals(event, every, self.device.steps)])
 
         return np.asarray(self._recent.get((event,), (every, *between), compute))
 
@@ -317,6 +339,8 @@ class PlantSimulator(Simulator):
         if isinstance(start, UnitStart):
             values = self._prepared(nominal[None], event, self.step)[3]
             notes += [f"{told}." for told in start.moved_limits(values)]
+            model = {name: float(values[f"{name}0"][0]) for name in self.device.driven}
+            notes += levels_apart(event, model)
         observation = replace(
             observation,
             noise=noise,
@@ -359,41 +383,6 @@ class PlantSimulator(Simulator):
             if effect.recorded is not None:
                 own = [values[effect.local(p.name)] for p in effect.parameters]
                 values[effect.channel] = effect.recorded(values[effect.channel], *own)
+            elif effect.kind == "constants":
+                values |= assembly.changed_constants(effect, values)
         return values | {"angle": 0.0 * one}
-
-
-def _with_frequency(
-    values: dict[str, float], recording: Any, given: Mapping[str, float] | None
-) -> dict[str, float]:
-    """Constants with the recording's nominal frequency, which a given one must equal."""
-    if "f0" not in values or not isinstance(recording, Recording):
-        return values
-    stated = (given or {}).get("f0", recording.f_nominal)
-    if stated != recording.f_nominal:
-        raise InputError(
-            f"the constant f0 is {stated:g} Hz, but the recording's nominal frequency is {recording.f_nominal:g} Hz",
-            where="PlantSimulator",
-            allowed="the same frequency",
-            remedy="Leave f0 out, or correct f_nominal",
-        )
-    return {**values, "f0": recording.f_nominal}
-
-
-def _channels(recording: Any, channels: Iterable[str] | None, device: Device) -> tuple[str, ...]:
-    outputs = (*device.outputs, *device.recordable)
-    if channels is not None:
-        channels = tuple(channels)
-        for name in channels:
-            if name not in outputs:
-                raise unknown_name(name, outputs, kind="channel", where="PlantSimulator")
-    elif isinstance(recording, Playback):
-        channels = device.outputs
-    elif isinstance(recording, Observation):
-        channels = recording.channels
-    else:
-        channels = tuple(name for name in outputs if name in recording.channels)
-    if not channels:
-        raise InputError(
-            "neither P nor Q was recorded, so there is nothing to compare with", where="PlantSimulator"
-        )
-    return channels

@@ -1,5 +1,7 @@
 """A unit behind a transformer and a line, recorded at their far end."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -29,11 +31,12 @@ def response(plant):
     return plant.simulate(plant.parameters.nominal).require_ok().values[0]
 
 
-def test_a_unit_at_rest_gives_the_recorded_power(machine):
+@pytest.mark.parametrize("connection", [CONNECTION, replace(CONNECTION, conductance=0.03, turn=0.05)])
+def test_a_unit_at_rest_gives_the_recorded_power(machine, connection):
     event = Playback(
         TIME, "rest", 1.0, {"V": 1.02 + 0 * TIME, "angle": 0 * TIME}, {"V": 1.02, "P": 0.7, "Q": 0.1}
     )
-    P, Q = response(PlantSimulator(machine, event, connection=CONNECTION))
+    P, Q = response(PlantSimulator(machine, event, connection=connection))
     assert np.abs(P - 0.7).max() < 1e-9
     assert np.abs(Q - 0.1).max() < 1e-9
 
