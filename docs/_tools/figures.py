@@ -52,8 +52,9 @@ def shown_on(devices):
     name = next(iter(devices), "synchronous_machine")
     if name in DEVICES:
         return name
+    linear = unit([Record(PARTS["GENROU"], {"S10": 0.0, "S12": 0.0})])
     units = (unit([Record(PARTS[model], {}) for model in models]) for models in _UNITS)
-    return next(one for one in units if name in one.tags)
+    return next(one for one in (*units, linear) if name in one.tags)
 
 
 def scrape(block, block_vars, gallery_conf):

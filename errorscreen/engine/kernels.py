@@ -80,10 +80,11 @@ class Engine:
             self._kernels[lanes] = load_module(self.model, lanes).integrate
         return self._kernels[lanes]
 
-    def _memory(self, lanes: int) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]]:
-        """Working memory of a task: buffer, switches that are on, spans of states that are active."""
-        spans = len(self.layout.spans)
-        return np.zeros(self.layout.size * lanes), np.zeros(len(self._switches), bool), np.zeros(spans, bool)
+    def _run(self, kernel: Any, lanes: int, first: int, last: int, arguments: tuple[Any, ...]) -> None:
+        """Integrate some blocks, with working memory of their own: buffer, switches, and active spans of states."""
+        buffer, switches = np.zeros(self.layout.size * lanes), np.zeros(len(self._switches), bool)
+        active = np.zeros(len(self.layout.spans), bool)
+        kernel(np.uint64(lanes), first, last, buffer, switches, active, *arguments)
 
     def integrate(
         self,
@@ -145,7 +146,7 @@ class Engine:
         )
         threads = threads_left(self.threads)
         tasks = [
-            partial(self._kernel(lanes), np.uint64(lanes), first, last, *self._memory(lanes), *arguments)
+            partial(self._run, self._kernel(lanes), lanes, first, last, arguments)
             for lanes, first, last in _tasks(n, threads)
         ]
         parallel_map(tasks, threads)
