@@ -263,7 +263,9 @@ class PlantSimulator(Simulator):
         detail, equilibrium = "", self.device.initialise
         if not start.all() and isinstance(equilibrium, UnitStart):
             detail = "; ".join(equilibrium.problems(values, int(np.argmin(start))))
-        return Responses(out[:, rows], status, event.time, self.channels, detail)
+        if rows != [*range(out.shape[1])]:  # else no copy: the responses to many rows fill the memory
+            out = out[:, rows]
+        return Responses(out, status, event.time, self.channels, detail)
 
     def trajectories(
         self, theta: ArrayLike, event: Event, device: str = ""
