@@ -1,4 +1,4 @@
-"""Parts left out of units that PSS/E simulated: prints what a search names.
+"""Parts left out of units that PSS/E simulated: prints the causes that a search names.
 
 ``python benchmarks/psse_units.py DATA FOLDER [CASE ...] [--seed N]`` searches the units of ``DATA/psse_three_bus``,
 whole and with a part left out, at 40 dB; a line of ``FOLDER/results.jsonl`` for each search. Of the exciter's run PSS/E

@@ -193,7 +193,7 @@ def _parser() -> argparse.ArgumentParser:
 def _demo(options: argparse.Namespace, out: str) -> None:
     if options.seed < 0:
         raise InputError(f"the seed is {options.seed}", where="--seed", allowed="a whole number >= 0")
-    with _process_for_training(Path(out)) as process:
+    with _process_for_training(Path(out), options.fresh) as process:
         from errorscreen.workflow.demo import demo_study
 
         prepare = partial(demo_study, options.seed, not options.no_discovery)
@@ -201,7 +201,8 @@ def _demo(options: argparse.Namespace, out: str) -> None:
 
 
 def _run(options: argparse.Namespace, out: str | None) -> None:
-    with _process_for_training(Path(out or f"{Path(options.case).stem}-results")) as process:
+    folder = Path(out or f"{Path(options.case).stem}-results")
+    with _process_for_training(folder, options.fresh) as process:
         from errorscreen.cases import load_case
         from errorscreen.workflow import Study
 
@@ -298,11 +299,11 @@ def _bench_discovery(options: argparse.Namespace, out: str) -> None:
 
 
 @contextmanager
-def _process_for_training(folder: Path) -> Iterator[Any]:
+def _process_for_training(folder: Path, fresh: bool) -> Iterator[Any]:
     """A process that imports torch while this one imports the rest and reads the files; None where stages are kept."""
     from errorscreen._runtime.processes import subprocess_importing
 
-    if (folder / "stages").exists():
+    if (folder / "stages").exists() and not fresh:
         yield None
     else:
         with subprocess_importing("errorscreen.workflow.run", "errorscreen.learning.network") as process:

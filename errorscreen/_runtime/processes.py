@@ -100,15 +100,8 @@ def subprocess_importing(*modules: str) -> Iterator[Subprocess]:
         process.end()
 
 
-@contextmanager
-def in_subprocess(function: Callable[_P, _T], *args: _P.args, **kwargs: _P.kwargs) -> Iterator[Call[_T]]:
-    """Start a call in a process of its own, which ends with the block; see `Subprocess.call`."""
-    with subprocess_importing() as process:
-        yield process.call(function, *args, **kwargs)
-
-
 def _import(modules: Sequence[str]) -> None:
-    """Import modules; what cannot be imported is told by the call that needs it."""
+    """Import modules; a missing one is told by the call that needs it."""
     for name in modules:
         with suppress(ImportError):
             importlib.import_module(name)

@@ -108,7 +108,7 @@ class DeviceSection(CandidatesSection):
     grid_reactance: NotNegative = setting(0.0, "the same, reactance")
     constant_frequency: bool = setting(
         False,
-        "for recordings without angle and f: the frequency of the terminal stays what it was before the event",
+        "for recordings without angle and f: the frequency of the terminal keeps its value before the event",
     )
     angle_reactance: NotNegative = setting(
         0.0,

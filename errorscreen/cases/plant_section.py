@@ -1,4 +1,4 @@
-"""Section of a case file for what lies between the unit and the recorded point."""
+"""Section of a case file for the connection of the unit to the recorded point."""
 
 from __future__ import annotations
 

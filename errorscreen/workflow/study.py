@@ -230,7 +230,7 @@ class Study:
 def _between(
     case: Case, section: DeviceSection, device: Device
 ) -> tuple[dict[str, float], Connection | None, tuple[str, ...]]:
-    """Constants of the device, what lies between it and the recorded point, and assumptions about that."""
+    """Constants of the device, its connection to the recorded point, and assumptions about that."""
     if case.plant is None:
         return section.constants, None, ()
     constants, connection, told = section.constants, case.plant.connection, []

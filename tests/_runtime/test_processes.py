@@ -8,13 +8,14 @@ import threading
 import time
 import warnings
 from concurrent.futures import BrokenExecutor
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from errorscreen._runtime import processes
-from errorscreen._runtime.processes import in_subprocess, subprocess_importing
+from errorscreen._runtime.processes import subprocess_importing
 from errorscreen.exceptions import DataWarning, InputError
 
 HERE = os.getpid()
@@ -32,6 +33,12 @@ def gone(number):
             return True
         time.sleep(0.05)
     return False
+
+
+@contextmanager
+def in_subprocess(function, *args, **kwargs):
+    with subprocess_importing() as process:
+        yield process.call(function, *args, **kwargs)
 
 
 def sleep_elsewhere(path):
@@ -171,8 +178,7 @@ def test_an_interrupt_does_not_reach_it(tmp_path):
 def test_it_does_not_outlive_a_parent_that_is_killed(tmp_path):
     program = (
         "import sys, time, pathlib\n"
-        "from errorscreen._runtime.processes import in_subprocess\n"
-        "from tests._runtime.test_processes import sleep_elsewhere\n"
+        "from tests._runtime.test_processes import in_subprocess, sleep_elsewhere\n"
         "with in_subprocess(sleep_elsewhere, pathlib.Path(sys.argv[1])) as call:\n"
         "    call.result()\n"
     )

@@ -203,7 +203,7 @@ def _driving(
 
 
 def _told(step: SetPointStep, recording: Recording, where: str) -> str:
-    """What is known of a step; `InputError` if it lies outside of the event."""
+    """Sentence on a step; `InputError` if it lies outside of the event."""
     low, high = recording.quiet[1], float(recording.time[-1])
     if not low < step.time < high:
         raise InputError(
@@ -221,7 +221,7 @@ def _told(step: SetPointStep, recording: Recording, where: str) -> str:
 
 
 def _said_of(name: str, replaced: tuple[str, ...], level: float) -> str:
-    """What a recorded input does in the unit."""
+    """Sentence on a recorded input."""
     models = f" in place of {', '.join(replaced)}, whose parameters are no candidates" if replaced else ""
     return (
         f"The recorded {name} drives the unit{models}: its deviation from {level:.4g} pu, its mean before the event, "
@@ -241,6 +241,7 @@ def _power(
     notes: list[str],
     where: str,
     wanted: str = "voltage behind the grid's impedance",
+    key: str = "the grid's impedance",
 ) -> dict[str, NDArray[np.float64]]:
     for name in ("P", "Q"):
         if name not in recording.channels or not np.isfinite(recording.channels[name].values).any():
@@ -248,7 +249,7 @@ def _power(
                 f"{name} was not recorded, so the {wanted} is unknown",
                 where=where,
                 allowed="P and Q of the plant",
-                remedy=f"Map a column to {name}, or leave the grid's impedance out",
+                remedy=f"Map a column to {name}, or leave {key} out",
             )
     return {name: _filled(recording, name, unknown, notes) for name in ("P", "Q")}
 
@@ -280,7 +281,7 @@ def _angle(
         notes.append(f"The angle is the integral of the recorded frequency against {before:.4f} Hz.")
         return np.concatenate([[0.0], np.cumsum(steps)]), {"f": float(recording.channels["f"].noise)}
     if source.constant_frequency:
-        notes.append("As stated, the frequency of the terminal stays what it was before the event.")
+        notes.append("As stated, the frequency of the terminal keeps its value before the event.")
         return np.zeros(len(time)), {}
     if source.reactance:
         return _angle_from_power(recording, quiet, unknown, notes, where, source.reactance)
@@ -305,7 +306,7 @@ def _angle_from_power(
 ) -> tuple[NDArray[np.float64], dict[str, float]]:
     """Angle against a source behind a reactance, and its noise."""
     V = _filled(recording, "V", unknown, [])
-    power = _power(recording, unknown, notes, where, "angle of the terminal")
+    power = _power(recording, unknown, notes, where, "angle of the terminal", "angle_reactance")
     angle, size = angle_behind(V, power["P"], power["Q"], X)
     middle = (float(V[quiet].mean()), float(power["P"][quiet].mean()), float(power["Q"][quiet].mean()))
     noise = (

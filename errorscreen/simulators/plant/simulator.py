@@ -70,7 +70,7 @@ class PlantSimulator(Simulator):
         moves the terminal, :math:`V = E + Z I`. P and Q must be recorded and count as true: there are no measurement
         effects.
     constant_frequency : bool, default False
-        For recordings without angle and frequency: the frequency stays what it was before the event.
+        For recordings without angle and frequency: the frequency keeps its value before the event.
     angle_reactance : float, default 0
         For recordings without angle and frequency: reactance in pu of the device's base to a source of constant angle,
         against which V, P and Q give the angle; see `errorscreen.simulators.plant.terminal_angle`.

@@ -26,12 +26,12 @@ _Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class AngleSource:
-    """What gives the angle where neither it nor the frequency was recorded.
+    """Source of the angle where neither it nor the frequency was recorded.
 
     Parameters
     ----------
     constant_frequency : bool
-        The frequency stays what it was before the event.
+        The frequency keeps its value before the event.
     reactance : float
         X of (A1) in pu of the device's base; 0: none.
     """
