@@ -1,9 +1,9 @@
 """Parts left out of units that another program, ANDES, simulated: renews a table of ``docs/studies``.
 
 ``python benchmarks/andes_units.py --make FOLDER`` simulates the units, and needs ANDES but not errorscreen. ``--check
-FOLDER`` compares the whole units with it in playback. ``--search FOLDER [CASE ...] [--seed N]`` searches the whole
-units and those without their last part, a line of ``FOLDER/results.jsonl`` for each search; finished ones are not
-repeated.
+FOLDER`` compares the whole units with it in playback. ``--search FOLDER [CASE ...] [--seed N]`` searches the units
+without a part, or with ``--whole`` the whole units, a line of ``FOLDER/results.jsonl`` for each search; finished ones
+are not repeated.
 """
 
 import argparse
@@ -19,7 +19,6 @@ POWER = 0.75
 #: source is weak, and a generator beside it of so many pu of the unit is lost when the fault is cleared
 STRONG, WEAK = 20.0, 3.0
 LOST = 0.15
-GOVERNORS = ("TGOV1", "HYGOV", "IEEEG1")
 #: records by the names that errorscreen gives the constants. HYGOV of ANDES leaves the factor r Tr out: it is 1 here.
 RECORDS = {
     "GENROU": {
@@ -65,7 +64,20 @@ CASES = {
     "esst4b": ("GENROU", "ESST4B"),
     "sexs_ieeest": ("GENROU", "SEXS", "IEEEST"),
     "sexs_tgov1_ieeest": ("GENROU", "SEXS", "TGOV1", "IEEEST"),
+    "sexs_tgov1_ieeest_weak": ("GENROU", "SEXS", "TGOV1", "IEEEST"),
+    "unequal": ("GENROU", "SEXS", "IEEEST"),
+    "single": ("GENROU", "SEXS", "IEEEST"),
+    "narrow": ("GENROU", "SEXS", "IEEEST"),
 }
+WEAK_CASES = ("tgov1", "hygov", "ieeeg1", "sexs_tgov1_ieeest_weak")
+#: stabilisers with two lead-lags that differ, with one, and with a lower limit
+OTHER_RECORDS = {
+    "unequal": {"IEEEST": {"T1": 0.3, "T2": 0.03, "T3": 0.1, "T4": 0.04, "KS": 8.0}},
+    "single": {"IEEEST": {"T1": 0.2, "T2": 0.02, "T3": 0.0, "T4": 0.0, "KS": 15.0}},
+    "narrow": {"IEEEST": {"LSMAX": 0.05, "LSMIN": -0.05}},
+}
+#: parts left out, one at a time, where it is not the last one
+LEFT_OUT = {"sexs_tgov1_ieeest": ("IEEEST", "SEXS"), "sexs_tgov1_ieeest_weak": ("TGOV1",)}
 NAMES = ("time", "V", "angle", "P", "Q")
 #: fault and its clearing, between two samples, and end of the simulation in s
 FAULT, CLEARING, END = 1.0 + 1 / 240, 1.1 + 1 / 240, 12.0
@@ -77,9 +89,17 @@ SNR = 40.0
 F_NOMINAL, BASE = 60.0, 100.0
 
 
-def simulate(models, source):
+def records_of(case):
+    """Constants of each model of a case."""
+    other = OTHER_RECORDS.get(case, {})
+    return {model: RECORDS[model] | other.get(model, {}) for model in CASES[case]}
+
+
+def simulate(case):
     """Terminal of a unit in ANDES at each step, columns as `NAMES`; two rows with one stamp are a jump."""
     import andes
+
+    source = WEAK if case in WEAK_CASES else STRONG
 
     andes.config_logger(40)
     system = andes.System(no_output=True, default_config=True)
@@ -102,13 +122,12 @@ def simulate(models, source):
         of_lost = {"gen": "set lost", "M": 4.0, "D": 0.0, "xd1": 0.3, **rated, "Sn": LOST * BASE}
         system.add("GENCLS", {"idx": "lost", "bus": 4, **of_lost})
         system.add("Toggle", {"idx": "trip", "model": "GENCLS", "dev": "lost", "t": CLEARING})
-    for model in models:
+    for model, record in records_of(case).items():
         renamed = RENAMED.get(model, {})
-        named = {renamed.get(name, name): value for name, value in RECORDS[model].items()}
+        named = {renamed.get(name, name): value for name, value in record.items()}
         named.pop(None, None)
         if model == "GENROU":
             # ANDES takes the mechanical power as a torque, which damps less
-            record = RECORDS[model]
             named |= {"M": 2 * record["H"], "D": record["D"] + POWER, "xq2": record["Xpp"]}
             named |= {"bus": 1, "gen": "set", "fn": F_NOMINAL, "Vn": 20.0, "Sn": BASE}
         else:
@@ -131,10 +150,10 @@ def simulate(models, source):
 
 def make(folder):
     """Simulate all cases that are not there yet."""
-    for case, models in CASES.items():
+    for case in CASES:
         path = folder / f"{case}.csv"
         if not path.exists():
-            rows = simulate(models, WEAK if models[-1] in GOVERNORS else STRONG)
+            rows = simulate(case)
             np.savetxt(path, rows, "%.10g", delimiter=",", header=",".join(NAMES), comments="")
             print(path)
 
@@ -145,8 +164,8 @@ def unit_of(folder, case, leave_out=()):
     from errorscreen.models.standard import PARTS
 
     lines = []
-    for model in CASES[case]:
-        numbers = (f"{RECORDS[model][one.name]:g}" for one in PARTS[model].fields)
+    for model, record in records_of(case).items():
+        numbers = (f"{record[one.name]:g}" for one in PARTS[model].fields)
         lines.append(f"1 '{model}' 1  {' '.join(numbers)} /\n")
     path = folder / f"{case}.dyr"
     path.write_text("".join(lines), "utf-8")
@@ -180,7 +199,7 @@ def recording_of(folder, case, seed):
     for name, column in zip(NAMES[1:], rows.T[1:], strict=True):
         clean = np.interp(time, rows[:, 0], column)
         # the angle runs away behind a weak source, so its noise is that of the voltage there
-        if not (name == "angle" and CASES[case][-1] in GOVERNORS):
+        if not (name == "angle" and case in WEAK_CASES):
             sigma = np.sqrt(np.mean((clean - clean[0]) ** 2)) * 10 ** (-SNR / 20)
         channels[name] = clean + sigma * rng.standard_normal(len(time))
     return Recording.from_arrays(
@@ -188,30 +207,33 @@ def recording_of(folder, case, seed):
     )
 
 
-def search(folder, cases, seed, max_effects):
-    """Search each case, whole and without its last part."""
+def search(folder, cases, seed, max_effects, whole):
+    """Search each case without each part, or whole."""
     import errorscreen
 
     path = folder / "results.jsonl"
     lines = path.read_text("utf-8").splitlines() if path.exists() else []
     done = {(row["case"], row["left_out"], row["seed"]) for row in map(json.loads, lines)}
-    cases = cases or tuple(CASES)
-    for whole in (False, True):
-        for case in cases:
-            left_out = "" if whole else CASES[case][-1]
-            if (case, left_out, seed) in done or not (folder / f"{case}.csv").exists():
+    for case in cases or tuple(CASES):
+        for part in ("",) if whole else LEFT_OUT.get(case, CASES[case][-1:]):
+            if (case, part, seed) in done or not (folder / f"{case}.csv").exists():
                 continue
             recording = recording_of(folder, case, seed)
-            plant = errorscreen.Plant(unit_of(folder, case, [left_out] if left_out else []), recording)
+            plant = errorscreen.Plant(unit_of(folder, case, [part] if part else []), recording)
             started = perf_counter()
             found = errorscreen.diagnose(plant, recording, random_state=0, max_effects=max_effects)
             row = {
                 "case": case,
-                "left_out": left_out,
+                "left_out": part,
                 "seed": seed,
+                "max_effects": max_effects,
                 "verdict": found.verdict.kind,
                 "causes": [[one.name, round(one.probability, 3)] for one in found.causes[:3]],
-                "values": {one.name: float(f"{one.value:.4g}") for one in found.parameters},
+                "chi2": {one.channel: round(one.chi2_per_sample, 3) for one in found.models[-1].channels},
+                "values": {
+                    one.name: [float(f"{v:.4g}") for v in (one.value, one.low, one.high)]
+                    for one in found.parameters
+                },
                 "seconds": round(perf_counter() - started),
             }
             with path.open("a", encoding="utf-8") as file:
@@ -228,6 +250,7 @@ def main():
     parser.add_argument("cases", nargs="*")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--max-effects", type=int, default=2)
+    parser.add_argument("--whole", action="store_true", help="the whole units")
     arguments = parser.parse_args()
     if arguments.make:
         arguments.make.mkdir(parents=True, exist_ok=True)
@@ -235,7 +258,7 @@ def main():
     elif arguments.check:
         check(arguments.check)
     else:
-        search(arguments.search, arguments.cases, arguments.seed, arguments.max_effects)
+        search(arguments.search, arguments.cases, arguments.seed, arguments.max_effects, arguments.whole)
 
 
 if __name__ == "__main__":

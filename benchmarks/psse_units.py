@@ -121,7 +121,11 @@ def main():
             "seed": options.seed,
             "verdict": found.verdict.kind,
             "causes": [[one.name, round(one.probability, 3)] for one in found.causes[:3]],
-            "values": {one.name: float(f"{one.value:.4g}") for one in found.parameters},
+            "chi2": {one.channel: round(one.chi2_per_sample, 3) for one in found.models[-1].channels},
+            "values": {
+                one.name: [float(f"{v:.4g}") for v in (one.value, one.low, one.high)]
+                for one in found.parameters
+            },
             "seconds": round(perf_counter() - started),
         }
         with (options.folder / "results.jsonl").open("a", encoding="utf-8") as file:

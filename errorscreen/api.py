@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,7 @@ from errorscreen.calibration import CALIBRATORS, BaseCalibrator
 from errorscreen.data.frames import Specs, from_frame
 from errorscreen.data.headers import guess_columns, guess_time, time_unit_of
 from errorscreen.data.readers import READERS, recognised
-from errorscreen.data.readers.csv import read_table
+from errorscreen.data.readers.csv import Layout, read_headers
 from errorscreen.data.recordings import Recording
 from errorscreen.discovery.finder import CauseFinder
 from errorscreen.exceptions import InputError
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 #: Options of `read_csv` that decide where the headers of a file are.
-_LAYOUT = ("delimiter", "decimal", "encoding", "skip_rows")
+_LAYOUT = tuple(field.name for field in fields(Layout))
 
 
 def read(
@@ -34,7 +34,7 @@ def read(
     *,
     base_mva: float,
     f_nominal: float,
-    time: str | None = None,
+    time: str | Sequence[str] | None = None,
     time_unit: str | None = None,
     format: str | None = None,
     **options: Any,
@@ -49,14 +49,15 @@ def read(
     columns : mapping of str to Column, str or mapping, optional
         Source of each channel by its name, see `errorscreen.data.from_frame`. Where not given, headers must name the
         channels beyond doubt: ``V``, ``angle``, ``f``, ``P``, ``Q`` in pu, rad, Hz, pu and pu, or usual spellings with
-        a unit, such as ``P [MW]`` or ``V_mag_kV``. Needed for a file that is no text.
+        a unit, such as ``P [MW]`` or ``V_mag_kV``. Of a COMTRADE record its phases A, B and C are taken.
     base_mva : float
         Base that P and Q are converted to, in MVA: that of the device.
     f_nominal : float
         Nominal frequency in Hz.
-    time : str, optional
-        Header of the time stamps; the column ``time`` or ``t``, or the index of a table, where not given.
-    time_unit : {"s", "ms", "us", "min", "h", "iso"}, optional
+    time : str or two of them, optional
+        Header of the time stamps; the column ``time`` or ``t``, or the index of a table, where not given. Two headers
+        as in `errorscreen.data.from_frame`.
+    time_unit : {"s", "ms", "us", "ns", "ticks", "min", "h", "d", "iso"}, optional
         Where not given, the unit in the header, or seconds.
     format : str, optional
         Name in `errorscreen.data.READERS`; recognised by the content of the file where not given.
@@ -86,17 +87,18 @@ def read(
         where, form = f"file {source}", format or recognised(Path(source))
         reader = partial(READERS.find(form, "read").read, source)
         layout = {name: options[name] for name in _LAYOUT if name in options}
-        headers = list(read_table(Path(source), **layout).columns) if form == "csv" else []
+        headers = read_headers(Path(source), Layout(**layout)) if form == "csv" else []
+        guess = READERS.find(form, "read").needs_columns and "waveforms" not in options
     else:
         if format is not None:
             raise InputError(
                 f"format is {format!r} but the source is no file", where="read", remedy="Leave format out"
             )
         frame = _frame(source)
-        headers, where = [str(column) for column in frame.columns], "table"
+        headers, where, guess = [str(column) for column in frame.columns], "table", True
         reader = partial(from_frame, frame)
     notes = []
-    if columns is None:
+    if columns is None and guess:
         columns = guess_columns(headers, where)
         taken = ", ".join(f"{role} from {column.column!r}" for role, column in columns.items())
         notes = [f"Columns were taken by their names: {taken}."]
@@ -110,11 +112,12 @@ def read(
                 remedy="Give time, the header of the time stamps, and time_unit",
             )
     else:
-        unit = time_unit_of(time)
-    time_unit = time_unit or unit
+        unit = time_unit_of(time) if isinstance(time, str) else None
     if time is not None:
         options["time"] = time
-    recording = reader(columns, base_mva=base_mva, f_nominal=f_nominal, time_unit=time_unit or "s", **options)
+    if time_unit or unit:
+        options["time_unit"] = time_unit or unit
+    recording = reader(columns, base_mva=base_mva, f_nominal=f_nominal, **options)
     return replace(recording, assumptions=(*notes, *recording.assumptions))
 
 

@@ -19,10 +19,10 @@ from typing import Any
 
 from errorscreen import __version__
 from errorscreen._runtime.log_lines import at_each_line
-from errorscreen.exceptions import ErrorscreenError, InputError
+from errorscreen.exceptions import ErrorscreenError, InputError, SuspectReadingsError
 
-#: exit codes: bad input, a failure on the way, interrupted (as shells count it)
-BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
+#: exit codes: bad input, readings that are suspect, a failure on the way, interrupted (as shells count it)
+BAD_INPUT, SUSPECT, FAILED, INTERRUPTED = 2, 3, 1, 130
 #: interrupts that have come
 _interrupts: list[int] = []
 
@@ -38,7 +38,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0, or 2 for bad input, 1 for a failure on the way, 130 for Ctrl-C.
+        0, or 2 for bad input, 3 for suspect readings, 1 for a failure on the way, 130 for Ctrl-C.
 
     Examples
     --------
@@ -54,6 +54,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         with at_each_line(partial(_line, not getattr(options, "quiet", False))):
             options.command(options, out)
+    except SuspectReadingsError as error:
+        print(
+            f"errorscreen: {error}\nCorrect the case file. If the recording is right as it is, give "
+            "--accept-readings.",
+            file=sys.stderr,
+        )
+        return SUSPECT
     except ErrorscreenError as error:
         print(f"errorscreen: {error}", file=sys.stderr)
         return BAD_INPUT if isinstance(error, InputError) else FAILED
@@ -124,6 +131,13 @@ def _parser() -> argparse.ArgumentParser:
     )
     diagnose.add_argument("case", metavar="CASE.toml", help="case file")
     diagnose.set_defaults(command=_diagnose, default_out=None, interrupted=resumable)
+
+    for command in (run, diagnose):
+        command.add_argument(
+            "--accept-readings",
+            action="store_true",
+            help="go on although a reading of a recording is suspect",
+        )
 
     keys = commands.add_parser("keys", help="keys of a case file: default, allowed values, meaning")
     keys.add_argument("section", nargs="?", metavar="SECTION", help="for example recording (default: all)")
@@ -313,9 +327,12 @@ def _process_for_training(folder: Path, fresh: bool) -> Iterator[Any]:
 def _study(prepare: Callable[[], Any], out: Path, options: argparse.Namespace, process: Any = None) -> None:
     from errorscreen.discovery.conclusions import probable
     from errorscreen.workflow import run_study, write_outputs
+    from errorscreen.workflow.suspect_readings import refuse_suspects
 
     with _stages(out, options):
         study = prepare()
+        if not getattr(options, "accept_readings", False):
+            refuse_suspects(study.observations)
         outcome = run_study(study, out, progress=not options.quiet, process=process)
     written = write_outputs(outcome, out)
     result = outcome.result

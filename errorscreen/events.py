@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from errorscreen._runtime.display import Displayed, listed, span
 from errorscreen.exceptions import InputError, check_real
 
+#: apparent power in pu below which a unit counts as unloaded
+IDLE = 0.05
+
 
 @dataclass(frozen=True)
 class Event(Displayed):
@@ -102,7 +105,7 @@ class SetPointStep:
     Parameters
     ----------
     quantity : str
-        ``"Vref"``, ``"Pref"``, ``"Qref"`` or ``"Qext"``.
+        ``"Vref"``, ``"Pref"``, ``"Qref"``, ``"Qext"`` or ``"Fref"``.
     time : float
         Instant in seconds on the time axis of the recording.
     size : float, optional
@@ -135,9 +138,11 @@ class Playback(_Driven):
     ----------
     signals : mapping of str to ndarray of shape (L,)
         ``"V"`` magnitude in pu and, where recorded, ``"angle"`` in rad; ``"P"`` and ``"Q"`` in pu where the voltage
-        behind an impedance is wanted; ``"Efd"``, ``"Pm"`` in pu where they drive the device.
+        behind an impedance is wanted, or without V where power is imposed; ``"Efd"``, ``"Pm"`` in pu where they drive
+        the device.
     initial : mapping of str to float
-        Pre-event values that give the equilibrium: ``"V"``, ``"P"``, ``"Q"`` in pu; and those of ``"Efd"``, ``"Pm"``.
+        Pre-event values that give the equilibrium: ``"V"``, ``"P"``, ``"Q"`` in pu; and those of ``"Efd"``, ``"Pm"``;
+        ``"f"`` in Hz where power is imposed, nominal where not given.
     noise : mapping of str to float
         Standard deviation of the measurement noise of each signal; ``"f"`` where the angle is the integral of a
         frequency. Empty for signals without noise.
@@ -150,6 +155,32 @@ class Playback(_Driven):
     noise: Mapping[str, float] = field(default_factory=dict)
     age: float = 0.0
     steps: tuple[SetPointStep, ...] = ()
+
+    @property
+    def by_power(self) -> bool:
+        """Whether P and Q are imposed instead of the voltage."""
+        return "V" not in self.signals
+
+    @property
+    def kind(self) -> str:
+        """Word for reports: load rejection, open-circuit test, step test, or else disturbance.
+
+        Where power is imposed, the apparent power tells: it falls below 0.05 pu, or is below from the beginning on.
+
+        Examples
+        --------
+        >>> time = np.arange(0, 2, 0.1)
+        >>> power = {"P": np.where(time < 1, 0.8, 0.0), "Q": 0 * time}
+        >>> Playback(time, "breaker", 1.0, power, {"V": 1.0, "P": 0.8, "Q": 0.0}).kind
+        'load rejection'
+        """
+        if self.by_power:
+            late = self.time >= 0.5 * (self.start + self.time[-1])
+            after = np.median(np.hypot(self.signals["P"][late], self.signals["Q"][late]))
+            if after < IDLE:
+                before = np.hypot(self.initial["P"], self.initial["Q"])
+                return "load rejection" if before >= IDLE else "open-circuit test"
+        return "step test" if self.steps else "disturbance"
 
 
 @dataclass(frozen=True)

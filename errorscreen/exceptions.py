@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from numbers import Integral, Real
 from typing import Any
 
@@ -53,6 +53,28 @@ class InputError(ErrorscreenError, ValueError):
         if remedy:
             text += f" {remedy.rstrip('.')}."
         super().__init__(text)
+
+
+class SuspectReadingsError(ErrorscreenError):
+    """Readings are suspect, and a wrong reading can look like any cause.
+
+    Parameters
+    ----------
+    readings : sequence of str
+        One sentence for each, with what would change it.
+
+    Examples
+    --------
+    >>> print(SuspectReadingsError(["dip: V before the event is 20 pu: check its unit and base_kv."]))
+    a reading is suspect, and the search for causes did not begin:
+      - dip: V before the event is 20 pu: check its unit and base_kv.
+    """
+
+    def __init__(self, readings: Sequence[str]) -> None:
+        self.readings = tuple(readings)
+        many = "a reading is" if len(readings) == 1 else f"{len(readings)} readings are"
+        lines = "".join(f"\n  - {text}" for text in readings)
+        super().__init__(f"{many} suspect, and the search for causes did not begin:{lines}")
 
 
 class SimulationError(ErrorscreenError, RuntimeError):

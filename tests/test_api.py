@@ -13,6 +13,7 @@ import errorscreen
 import errorscreen as es
 from errorscreen.cases.demo import demo_recordings
 from errorscreen.data.headers import guess_columns, guess_time
+from errorscreen.exceptions import DataWarning
 
 TIME = np.arange(200) / 50
 BASES = {"base_mva": 50.0, "f_nominal": 50.0}
@@ -74,7 +75,8 @@ def test_the_unit_of_time_is_read_off_its_header(tmp_path):
     table = {"t (ms)": 1e3 * TIME, "P": dip(0.6, 0.5)}
     assert es.read(table, **BASES).event_time == 1.0
     assert es.read(table, {"P": "P"}, **BASES).event_time == 1.0
-    assert es.read(table, time="t (ms)", time_unit="s", **BASES).event_time == 1000.0
+    with pytest.warns(DataWarning, match="Samples are 20 s apart: check time_unit, for example time_unit = 'ms'"):
+        assert es.read(table, time="t (ms)", time_unit="s", **BASES).event_time == 1000.0
     lines = [f"{1e3 * t:g};{p:g}".replace(".", ",") for t, p in zip(TIME, dip(0.6, 0.5), strict=True)]
     (tmp_path / "comma.csv").write_text("# exported\nt (ms);P\n" + "\n".join(lines), encoding="utf-8")
     assert es.read(tmp_path / "comma.csv", decimal=",", skip_rows=1, **BASES).event_time == 1.0

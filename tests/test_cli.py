@@ -300,10 +300,15 @@ def test_a_model_that_cannot_start_at_the_recorded_values_is_bad_input(tmp_path,
 
 
 @pytest.mark.filterwarnings("default")  # it is also noted that V is implausible
-def test_a_voltage_in_percent_is_bad_input(tmp_path, capsys):
+def test_a_suspect_reading_ends_a_run_before_the_search(tmp_path, capsys):
     case = folder(tmp_path, frame=FRAME.assign(V=100 * FRAME["V"]))
+    arguments = ["run", case, "--out", str(tmp_path / "out"), "--quiet"]
+    assert main(arguments) == 3
+    told = capsys.readouterr().err
+    assert "r: V before the event is 100 pu: check its unit and base_kv." in told
+    assert "--accept-readings" in told
     message = r"recording 'r': .* V = 100, .*Correct units"
-    refused(["run", case, "--out", str(tmp_path / "out"), "--quiet"], message, capsys)
+    refused([*arguments, "--accept-readings"], message, capsys)
 
 
 def test_the_fitted_recording_cannot_be_judged_on(tmp_path, capsys):

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from errorscreen.events import BusFault, Event, GridEvent, LoadStep, Playback
+from errorscreen.events import BusFault, Event, GridEvent, LoadStep, Playback, SetPointStep
 
 TIME = np.arange(500) / 100
 
@@ -32,3 +32,20 @@ def test_a_long_event_is_cut():
     step = LoadStep(TIME, "step", 1.0, factor=1.2, buses=tuple(range(100)))
     assert len(repr(step)) < 200
     assert "<th>factor</th><td>1.2</td>" in step._repr_html_()
+
+
+@pytest.mark.parametrize(
+    ("P", "steps", "kind"),
+    [
+        (np.where(TIME < 1.0, 0.8, 0.02), (), "load rejection"),
+        (np.where(TIME < 1.0, 0.8, 0.4), (), "disturbance"),
+        (0.01 * np.sin(20 * TIME), (), "open-circuit test"),
+        (0.0 * TIME, (SetPointStep("Vref", 1.0, 0.02),), "open-circuit test"),
+        (0.8 + 0.0 * TIME, (SetPointStep("Vref", 1.0, 0.02),), "step test"),
+    ],
+)
+def test_imposed_power_and_steps_tell_the_kind_of_an_event(P, steps, kind):
+    power = Playback(TIME, "test", 1.0, {"P": P, "Q": 0.1 * P}, {"V": 1.0, "P": P[0], "Q": 0.0}, steps=steps)
+    assert power.kind == kind
+    voltage = Playback(TIME, "test", 1.0, {"V": P}, {"V": 1.0, "P": P[0], "Q": 0.0}, steps=steps)
+    assert voltage.kind == ("step test" if steps else "disturbance")

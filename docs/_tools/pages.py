@@ -27,6 +27,7 @@ from errorscreen.effects import (
     common_skew,
     effects_of,
     measurement_effects,
+    mva_base,
 )
 from errorscreen.effects.generic.library import TEXTS
 from errorscreen.models import DEVICES, LOAD
@@ -251,7 +252,8 @@ def effect_sections():
 
     Effects of one name that differ from device to device have a section each, told apart by the devices.
     """
-    outside = *measurement_effects(["P"]), common_skew(), FAULT_DURATION, FAULT_IMPEDANCE, branch_trip((3, 4))
+    of_channels = *measurement_effects(["P"]), mva_base(), common_skew()
+    outside = *of_channels, FAULT_DURATION, FAULT_IMPEDANCE, branch_trip((3, 4))
     found = [effect for effect in (*EFFECTS.values(), *outside) if effect.kind != "latent"]
     sections_of = Counter(effect.name for effect in found)
     for effect in found:
@@ -268,7 +270,7 @@ def effect_text(heading, file, effect, devices):
     return "\n".join(
         [
             f"### {heading}\n",
-            f"{effect.description} `{effect.formula}` Acts on `{effect.port}` of "
+            f"{effect.description} `{effect.formula}` Acts on `{effect.place}` of "
             f"{owners(devices) or _OF[effect.kind]}. Easily confused with "
             f"{'; '.join(effect.confused_with)}. Source: {effect.source}.\n",
             table(PARAMETER_HEADER, parameters),

@@ -36,7 +36,8 @@ class FitProblem:
     recordings : Observation, or anything ``simulator.observe`` takes, or a list of them
         All are fitted together.
     names : iterable of str, optional
-        The k parameters that may change; the others stay nominal. All where not given.
+        The k parameters that may change; the others stay nominal. All where not given, but for the strengths of
+        switches (`Effect.switch`).
 
     Attributes
     ----------
@@ -64,7 +65,7 @@ class FitProblem:
     def __init__(self, simulator: Simulator, recordings: Any, names: Iterable[str] | None = None) -> None:
         self.observations = as_observations(simulator, recordings)
         self.simulator = simulator
-        self.names = check_names(simulator.parameters, names)
+        self.names = check_names(simulator.parameters, simulator.movable if names is None else names)
         self.space = simulator.parameters.subset(self.names)
         self.n_values = int(sum(observation.mask.sum() for observation in self.observations))
         self.n_simulations = 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -28,6 +29,15 @@ from errorscreen.screening import SCREENERS
 _LEAST_SAMPLES = 20
 
 
+def _as_text(found: Any) -> Any:
+    """A date of the TOML format as text."""
+    return found.isoformat() if isinstance(found, datetime) else found
+
+
+#: an instant in seconds, or as a date
+Instant = Annotated[float | str | None, BeforeValidator(_as_text)]
+
+
 class ColumnSection(Section):
     """Source of a channel and meaning of its numbers, see `errorscreen.data.Column`."""
 
@@ -45,6 +55,27 @@ class ColumnSection(Section):
     value: float | None = setting(None, "stated pre-event value of an unmeasured channel")
 
 
+class WaveformsSection(Section):
+    """Sampled voltages and currents of three phases, from which V, angle, f, P and Q follow."""
+
+    voltage: list[str] = setting(..., "headers of the three voltages", min_length=3, max_length=3)
+    current: list[str] = setting([], "headers of the three currents, positive out of the plant", max_length=3)
+    line_to_line: bool = setting(False, "voltages between phases: ab, bc, ca")
+    method: Literal["cycle", "P", "M"] = setting(
+        "cycle", "window: one period, or the filter of class P or M of IEEE C37.118"
+    )
+    rate: Positive | None = setting(None, "phasors in one second; two in each period if not given")
+    voltage_unit: Literal["V", "kV"] | None = setting(None, "that of the file if not given")
+    current_unit: Literal["A", "kA"] | None = setting(None, "that of the file if not given")
+
+
+class QualitySection(Section):
+    """Status of the rows of a file."""
+
+    column: str = setting(..., "header of the column with the status")
+    good: list[str] = setting(..., "its texts in rows that hold readings", min_length=1)
+
+
 def _listed(found: Any) -> Any:
     """A single table as a list of one."""
     return [found] if isinstance(found, dict) else found
@@ -53,7 +84,7 @@ def _listed(found: Any) -> Any:
 class RecordingSection(Section):
     """A recorded disturbance."""
 
-    path: str = setting(..., "file, relative to the case file; csv: text with one header row")
+    path: str = setting(..., "file, relative to the case file; csv: text of columns")
     format: Annotated[str, NameIn(READERS)] | None = setting(
         None, "format of the file; recognised by its content if not given"
     )
@@ -62,23 +93,38 @@ class RecordingSection(Section):
     base_kv: Positive | None = setting(None, "base voltage in kV, line to line")
     f_nominal: Positive = setting(..., "nominal frequency in Hz")
     columns: dict[str, ColumnSection] = setting(
-        ..., "source of each channel: V, angle, f, P, Q, or a name of your own", min_length=1
+        {}, "source of each channel: V, angle, f, P, Q, or a name of your own"
     )
-    time: str = setting("time", "header of the time stamps")
-    time_unit: Literal["s", "ms", "us", "min", "h", "iso"] = setting("s", "unit of the time stamps")
-    event_time: float | None = setting(None, "start of the event in s; detected if not given")
-    t_start: float | None = setting(None, "first instant of the file that is used, in s")
-    t_end: float | None = setting(None, "last instant of the file that is used, in s")
+    waveforms: WaveformsSection | None = setting(None, "sampled three-phase voltages and currents")
+    time: str | Annotated[list[str], Field(min_length=2, max_length=2)] = setting(
+        "time", "header of the time stamps; two headers: whole seconds and fractions, or date and time of day"
+    )
+    time_unit: Literal["s", "ms", "us", "ns", "ticks", "min", "h", "d", "iso"] | None = setting(
+        None, "unit of the time stamps, iso for dates; that in the file, or s, if not given"
+    )
+    time_format: str | None = setting(None, "of time stamps that are texts, as `%d.%m.%Y %H:%M:%S.%f`")
+    time_base: Positive | None = setting(None, "fractions in one second, in the second column of time")
+    event_time: Instant = setting(None, "start of the event in s, or as a date; detected if not given")
+    t_start: Instant = setting(None, "first instant of the file that is used, in s or as a date")
+    t_end: Instant = setting(None, "last instant of the file that is used, in s or as a date")
     shift: dict[str, float] = setting({}, "seconds added to the time stamps of a channel")
     noise: dict[str, Positive] = setting({}, "known noise of a channel, in pu, rad or Hz")
     held: Literal["drop", "keep"] = setting("drop", "stale repeats of a slow meter")
     on_backward: Literal["error", "sort", "drop"] = setting("error", "where time runs backwards")
+    on_duplicate: Literal["mean", "last", "keep-step"] = setting(
+        "mean", "different readings at one instant: their mean, the last, or the first and the last as a step"
+    )
     max_missing: float = setting(0.4, "largest part of a channel that may be missing", ge=0, le=1)
-    missing: list[str] = setting([], "further texts that mark a gap")
-    delimiter: str | None = setting(None, "between fields; recognised if not given")
+    missing: list[str | float] = setting([], "further texts and numbers that mark a gap")
+    quality: QualitySection | None = setting(
+        None, "rows that hold no readings, by a column with their status"
+    )
+    delimiter: str | None = setting(None, "between fields, or `whitespace`; recognised if not given")
     decimal: Literal[".", ","] = setting(".", "decimal mark")
     encoding: str = setting("utf-8-sig", "of the file")
     skip_rows: int = setting(0, "lines above the header", ge=0)
+    header_rows: Count = setting(1, "rows of the header, whose cells are joined by `|`")
+    header: list[str] | None = setting(None, "names of the columns of a file without headers")
     load_level: Positive = setting(1.0, "grid: factor on all loads and generators before the event")
     fault: FaultSection | None = setting(None, "grid: the event")
     line_trip: LineTripSection | None = setting(None, "grid: the event")
@@ -87,7 +133,7 @@ class RecordingSection(Section):
 
     @model_validator(mode="after")
     def _some_window(self) -> RecordingSection:
-        if self.t_start is not None and self.t_end is not None and self.t_start >= self.t_end:
+        if isinstance(self.t_start, float) and isinstance(self.t_end, float) and self.t_start >= self.t_end:
             raise InputError(
                 f"the window from {self.t_start:g} to {self.t_end:g} s is empty", allowed="t_start < t_end"
             )
@@ -96,7 +142,7 @@ class RecordingSection(Section):
     @model_validator(mode="after")
     def _steps_in_event(self) -> RecordingSection:
         first = self.steps[0] if self.step else None
-        if first is not None and self.event_time is not None and first.time < self.event_time:
+        if first is not None and isinstance(self.event_time, float) and first.time < self.event_time:
             raise InputError(
                 f"{first.quantity} steps at {first.time:g} s, but event_time is {self.event_time:g} s",
                 allowed="the event begins at the first step, or before",
@@ -122,10 +168,12 @@ class RecordingSection(Section):
         """
         direct = {"path", "format", "columns", "shift", "step", *EVENTS, "load_level"}
         columns = {role: Column(**dict(section)) for role, section in self.columns.items()}
-        options = {key: value for key, value in self if key not in direct}
+        options = {key: value for key, value in self if key in self.model_fields_set - direct}
+        for key in options.keys() & {"quality", "waveforms"}:
+            options[key] = {k: v for k, v in options[key] if v is not None}
         if self.steps and self.event_time is None:
             options["event_time"] = self.steps[0].time
-        recording = read_recording(folder / self.path, columns, self.format, **options)
+        recording = read_recording(folder / self.path, columns or None, self.format, **options)
         recording = replace(recording, steps=self.steps)
         return recording.resample(dt, shift=self.shift) if self.shift else recording
 

@@ -85,7 +85,7 @@ class CandidatesSection(Section):
 
 
 class DeviceSection(CandidatesSection):
-    """A plant that is compared with the recording while the recorded voltage is imposed on its terminal."""
+    """A plant that is compared with the recording while the recorded voltage, or power, is imposed on its terminal."""
 
     type: Annotated[str, NameIn(DEVICES)] | None = setting(None, "kind of the plant, where there is no dyr")
     dyr: str | None = setting(None, "model file of PSS/E with the records of the unit, instead of type")
@@ -100,6 +100,11 @@ class DeviceSection(CandidatesSection):
         "limiters, Pm instead of its governor",
     )
     constants: dict[str, float] = setting({}, "values of other constants")
+    imposed: Literal["voltage", "power"] = setting(
+        "voltage",
+        "recorded quantity that drives the unit: the voltage, while P and Q are compared, or P and Q, while V and f "
+        "are compared, as for load rejections and open-circuit tests of machines in dyr",
+    )
     grid_resistance: NotNegative = setting(
         0.0,
         "of the grid seen from the terminal, in pu of the device's base: how much the plant itself moves the "
@@ -131,6 +136,10 @@ class DeviceSection(CandidatesSection):
             raise InputError("bus or id is given without dyr", allowed="only with a model file")
         if self.dyr is None and self.inputs:
             raise InputError("inputs are given without dyr", allowed="only with a model file")
+        if self.dyr is None and self.imposed == "power":
+            raise InputError(
+                'imposed is "power" without dyr', allowed="only with a model file that holds a machine"
+            )
         return self
 
     def file(self, folder: Path) -> DyrFile | None:
@@ -313,9 +322,10 @@ class LoadStepSection(EventSection):
 class StepSection(Section):
     """A step of a set-point of the unit, as in a step test; several stand in [[recording.step]] one after the other."""
 
-    quantity: Literal["Vref", "Pref", "Qref", "Qext"] = setting(
+    quantity: Literal["Vref", "Pref", "Qref", "Qext", "Fref"] = setting(
         ...,
-        "set-point: voltage, active power, reactive power of a plant controller, or that of a converter without one",
+        "set-point: voltage, active power, reactive power of a plant controller, that of a converter without one, or "
+        "frequency",
     )
     time: float = setting(..., "its instant in s")
     size: float | None = setting(

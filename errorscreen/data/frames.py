@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -10,10 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen.data.channels import ROLE_UNITS
+from errorscreen.data.no_readings import LARGEST, Quality, as_quality, refuse_marks, without_bad_rows
+from errorscreen.data.plausibility import doubt
 from errorscreen.data.preparation import in_window
 from errorscreen.data.recordings import Recording
 from errorscreen.data.table import Table
-from errorscreen.data.timestamps import order_samples, read_time
+from errorscreen.data.timestamps import (
+    format_of_time,
+    merge_duplicates,
+    order_samples,
+    read_time,
+    seconds_of,
+)
 from errorscreen.data.units import Bases, Column, as_column, convert, unwrap
 from errorscreen.exceptions import InputError, check_real
 
@@ -23,8 +31,6 @@ if TYPE_CHECKING:
 _Array = NDArray[np.float64]
 Values = dict[str, _Array]
 Specs = Mapping[str, Column | str | Mapping[str, Any]]
-#: Larger readings mark a gap, or end in numbers too large to calculate with.
-_LARGEST = 1e12
 #: A channel must move by this part of its value; less is rounding, for example of numbers in single precision.
 _LEAST_RANGE = 1e-6
 
@@ -35,15 +41,8 @@ def from_frame(
     *,
     base_mva: float,
     f_nominal: float,
-    base_kv: float | None = None,
-    time: str | None = None,
-    time_unit: str = "s",
+    time: str | Sequence[str] | None = None,
     name: str = "recording",
-    t_start: float | None = None,
-    t_end: float | None = None,
-    missing: Iterable[str] = (),
-    on_backward: str = "error",
-    max_missing: float = 0.4,
     **options: Any,
 ) -> Recording:
     """Build a recording from a pandas table.
@@ -58,23 +57,13 @@ def from_frame(
         Base that P and Q are converted to, in MVA: that of the device.
     f_nominal : float
         Nominal frequency in Hz.
-    base_kv : float, optional
-        Base that V is converted to, in kV line to line.
-    time : str, optional
-        Header of the time stamps; the index of the table where not given.
-    time_unit : {"s", "ms", "us", "min", "h", "iso"}
+    time : str or two of them, optional
+        Header of the time stamps; the index of the table where not given. Two headers: whole seconds and fractions,
+        with `time_base`, or date and time of day.
     name : str
         For messages and reports.
-    t_start, t_end : float, optional
-        First and last instant in seconds that is read; other samples are ignored.
-    missing : iterable of str
-        Further texts that mark a gap.
-    on_backward : {"error", "sort", "drop"}
-        Treatment of time that runs backwards: refuse, sort, or drop as few samples as possible.
-    max_missing : float
-        Largest part of a channel that may be missing.
     **options
-        `event_time`, `noise` and `held`, as in `Recording.from_arrays`.
+        Of `build_recording`: `base_kv`, `time_unit`, `event_time` and others.
 
     Returns
     -------
@@ -99,16 +88,14 @@ def from_frame(
     if not frame.columns.is_unique:
         twice = frame.columns[frame.columns.duplicated()][0]
         raise InputError(f"column {twice!r} occurs more than once", where=source, allowed="unique names")
-    header = "(index)" if time is None else time
+    header: str | Sequence[str] = "(index)" if time is None else time
     cells = {str(column): frame[column].to_numpy() for column in frame.columns}
     if time is None:
-        cells[header] = frame.index.to_numpy()
+        cells["(index)"] = frame.index.to_numpy()
     table = Table(cells, range(len(frame)), source, "row")
     return build_recording(
-        table, columns, base_mva=base_mva, f_nominal=f_nominal, base_kv=base_kv, time=header, time_unit=time_unit,
-        name=name, t_start=t_start, t_end=t_end, missing=missing, on_backward=on_backward, max_missing=max_missing,
-        **options,
-    )  # fmt: skip
+        table, columns, base_mva=base_mva, f_nominal=f_nominal, time=header, name=name, **options
+    )
 
 
 def build_recording(
@@ -118,30 +105,87 @@ def build_recording(
     base_mva: float,
     f_nominal: float,
     base_kv: float | None = None,
-    time: str,
+    time: str | Sequence[str],
     time_unit: str = "s",
-    t_start: float | None = None,
-    t_end: float | None = None,
-    missing: Iterable[str] = (),
+    t_start: float | str | None = None,
+    t_end: float | str | None = None,
+    time_format: str | None = None,
+    time_base: float | None = None,
+    missing: Iterable[str | float] = (),
+    quality: Quality | Mapping[str, Any] | None = None,
     decimal: str = ".",
     on_backward: str = "error",
+    on_duplicate: str = "mean",
     max_missing: float = 0.4,
+    event_time: float | str | None = None,
+    notes: Iterable[str] = (),
     **options: Any,
 ) -> Recording:
-    """Read, order, convert and check the columns of a table; see `from_frame`."""
-    source, notes = table.source, list[str]()
+    """Read, order, convert and check the columns of a table.
+
+    Parameters
+    ----------
+    table : Table
+    columns, base_mva, f_nominal, time
+        As in `from_frame`.
+    base_kv : float, optional
+        Base that V is converted to, in kV line to line.
+    time_unit : {"s", "ms", "us", "ns", "ticks", "min", "h", "d", "iso"}
+        Ticks have 100 ns. Time counts from the first stamp for dates as numbers (``"ns"``, ``"ticks"``, ``"d"``) and
+        as texts (``"iso"``).
+    t_start, t_end : float or str, optional
+        First and last instant that is read, in seconds, or as a date where time stamps are dates.
+    time_format : str, optional
+        Of time stamps that are texts, with the codes of `datetime.strptime`.
+    time_base : float, optional
+        Fractions in one second, where they stand in a column of their own.
+    missing : iterable of str or float
+        Further texts or numbers that mark a gap.
+    quality : Quality or mapping, optional
+        Column with the status of each row, and the texts of good rows. Other rows are gaps.
+    decimal : {".", ","}
+    on_backward : {"error", "sort", "drop"}
+        Treatment of time that runs backwards: refuse, sort, or drop as few samples as possible.
+    on_duplicate : {"mean", "last", "keep-step"}
+        Treatment of different readings at one instant, see `errorscreen.data.timestamps.merge_duplicates`.
+    max_missing : float
+        Largest part of a channel that may be missing.
+    event_time : float or str, optional
+        Start of the event, in seconds or as a date; detected where not given.
+    notes : iterable of str
+        Assumptions to begin with.
+    **options
+        `name`, `noise` and `held`, as in `Recording.from_arrays`.
+
+    Raises
+    ------
+    InputError
+        As `from_frame`.
+    """
+    source, notes = table.source, list(notes)
     for name, value in (("base_mva", base_mva), ("base_kv", base_kv), ("f_nominal", f_nominal)):
         if value is not None:
             check_real(value, name, low=0, above=True, where=source)
     check_real(max_missing, "max_missing", low=0, high=1, where=source)
     bases = Bases(base_mva, base_kv, f_nominal)
     specs = _specs(columns, source)
+    form = format_of_time(time, time_unit, time_format, time_base, source)
     if not len(table.rows):
         raise InputError("there are no samples", where=source, allowed="at least two rows of numbers")
-    stamps = read_time(table, time, time_unit, notes, decimal)
+    stamps, first = read_time(table, form, notes, decimal)
+    t_start, t_end, event_time = (
+        seconds_of(value, name, form, first, source)
+        for name, value in (("t_start", t_start), ("t_end", t_end), ("event_time", event_time))
+    )
     headers = dict.fromkeys(h for spec in specs.values() for h in spec.headers)
     numbers = {h: table.numbers(h, missing=missing, decimal=decimal) for h in headers}
-    stamps, numbers = order_samples(stamps, numbers, table, time, on_backward, notes)
+    numbers = without_bad_rows(numbers, table, as_quality(quality, source), notes)
+    refuse_marks(numbers, table)
+    stamps, numbers = order_samples(stamps, numbers, table, form.header, on_backward, notes)
+    if "angle" in specs and specs["angle"].column is not None:  # before a mean could be taken across a jump
+        header = specs["angle"].headers[0]
+        numbers[header] = _unwrapped(numbers[header], specs["angle"], notes, source)
+    stamps, numbers = merge_duplicates(stamps, numbers, table, form.header, on_duplicate, notes)
     if len(stamps) < 2:
         raise InputError("there is one sample only", where=source, allowed="at least two samples")
     if (t_start, t_end) != (None, None):  # first of all: an event outside the window must not count
@@ -172,6 +216,7 @@ def build_recording(
         f_nominal=f_nominal,
         units=own_units,
         given=given,
+        event_time=event_time,
         assumptions=notes,
         **options,
     )
@@ -229,7 +274,7 @@ def _meaning(role: str, spec: Column, bases: Bases) -> list[str]:
 def _checked(role: str, values: _Array, max_missing: float, source: str, notes: list[str]) -> _Array:
     """Take infinities as gaps, unwrap the angle, and refuse a channel that is empty or constant."""
     where = f"{source}, channel {role!r}"
-    endless = np.abs(values) > _LARGEST
+    endless = np.abs(values) > LARGEST
     if endless.any():
         values = np.where(endless, np.nan, values)
         notes.append(f"{endless.sum()} infinite or absurdly large readings of {role} were taken as gaps.")
@@ -253,12 +298,19 @@ def _checked(role: str, values: _Array, max_missing: float, source: str, notes: 
             where=where,
             remedy="Map another column, leave the channel out, or state it with value=",
         )
-    if role == "angle":
-        unwrapped = unwrap(values)
-        if np.nanmax(np.abs(unwrapped - values)) > 1:
-            notes.append("Jumps by full turns were removed from the angle.")
-        return unwrapped
-    return values
+    return unwrap(values) if role == "angle" else values  # the angle of a phasor
+
+
+def _unwrapped(angle: _Array, spec: Column, notes: list[str], where: str) -> _Array:
+    """Angle as in the file, without jumps by full turns."""
+    turn = abs((360.0 if spec.unit == "deg" else 2 * np.pi) / spec.scale)
+    unwrapped, known = unwrap(angle, turn), np.isfinite(angle)
+    jumps = np.abs(np.diff(angle[known]))
+    if np.any(np.abs(unwrapped - angle)[known] > 0.1 * turn):
+        notes.append("Jumps by full turns were removed from the angle.")
+    if spec.unit != "deg" and np.any(np.abs(jumps - 360.0) < 10.0) and np.ptp(angle[known]) <= 361.0:
+        notes.append(doubt("The angle jumps by 360, but its unit is rad: in degrees (unit = 'deg')?", where))
+    return unwrapped
 
 
 def _note_spacing(time: _Array, notes: list[str]) -> None:

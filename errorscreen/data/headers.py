@@ -36,6 +36,14 @@ def time_unit_of(header: str) -> str | None:
     return unit if unit in TIME_UNITS else None
 
 
+def known_unit(role: str, text: str) -> str | None:
+    """Unit of a channel, of the time, or of any of them for an empty `role`, that a cell states; None without one."""
+    plain = text.strip().strip("[]()").strip()
+    unit = _ALIASES.get(plain, plain)
+    allowed = {"time": TIME_UNITS, **UNITS}
+    return unit if any(unit in units for name, units in allowed.items() if role in ("", name)) else None
+
+
 def guess_time(headers: Iterable[str]) -> tuple[str | None, str | None]:
     """Header of the time stamps and the unit that it states; None where no header, or more than one, names them."""
     found = [(header, unit) for header in headers for role, unit in [_read_header(header)] if role == "time"]

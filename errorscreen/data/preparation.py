@@ -15,16 +15,10 @@ from errorscreen.exceptions import DataWarning, InputError
 _Array = NDArray[np.float64]
 #: In pu: a smaller move is no event.
 LEAST_MOVE = 0.002
-#: Part of its largest excursion by which a channel may move before a stated event.
-CLEAR_MOVE = 0.2
+#: Samples by which a stated event may begin late.
+_LATE = 2
 #: Least number of samples after the start of the event; fewer are no response.
 MIN_AFTER = 5
-#: In pu: plausible voltages before an event.
-PLAUSIBLE_V = (0.5, 1.5)
-
-
-class Doubt(str):
-    """An assumption about a recording that a wrong unit, base or sign would explain."""
 
 
 def in_window(time: _Array, start: float | None, stop: float | None, where: str) -> NDArray[np.bool_]:
@@ -71,29 +65,35 @@ def quiet_part(time: _Array, start: float, where: str) -> tuple[float, float]:
 
 
 def check_rest(
-    time: _Array, values: Mapping[str, _Array], quiet: tuple[float, float], notes: list[str], where: str
+    time: _Array,
+    values: Mapping[str, _Array],
+    event: float,
+    quiet: tuple[float, float],
+    notes: list[str],
+    where: str,
 ) -> None:
-    """Warn of a small earlier event in the quiet part, perhaps a switching, and refuse one above `CLEAR_MOVE`."""
+    """Refuse a clear move before the event, and warn of a small one in the quiet part, perhaps a switching."""
     for name in (k for k in ("V", "P", "Q") if k in values):
         keep = np.isfinite(values[name])
         t, x = time[keep], values[name][keep]
-        first = signals.first_departure(t, x, least=LEAST_MOVE)
-        part = t <= quiet[1]
-        if first is None or not part[min(first + 2, len(part) - 1)]:
-            continue
-        distance = np.abs(x - np.median(x[: max(first, signals.MIN_QUIET)]))
-        size = float(np.max(distance[part]) / np.max(distance))
-        found = (
-            f"{name} moves from {t[first]:g} s on by {size:.0%} of its largest excursion, before the event"
-        )
-        if size > CLEAR_MOVE:
+        move = signals.first_move(t, x, least=LEAST_MOVE)
+        if move is not None and move.clear + _LATE < np.searchsorted(t, event):
             raise InputError(
-                f"{found}, so there is no quiet part",
+                f"{name} moves from {t[move.onset]:g} s on, before the stated event at {event:g} s, so there is no "
+                "quiet part",
                 where=where,
                 allowed="an event_time at the first disturbance that is read",
                 remedy="Correct event_time, or set t_start behind the earlier disturbance",
             )
-        notes.append(f"{found}; noise and operating point are taken from there all the same.")
+        small, part = signals.first_move(t, x, least=LEAST_MOVE, clear=0.0), t <= quiet[1]
+        if small is None or not part[min(small.clear + 2, len(part) - 1)]:
+            continue
+        first = small.onset
+        distance = np.abs(x - np.median(x[: max(first, signals.MIN_QUIET)]))
+        notes.append(
+            f"{name} moves from {t[first]:g} s on by {np.max(distance[part]) / np.max(distance):.0%} of its largest "
+            "excursion, before the event; noise and operating point are taken from there all the same."
+        )
         warnings.warn(f"{where}: {notes[-1]}", DataWarning, stacklevel=3)
 
 
@@ -173,12 +173,3 @@ def noise_of_signal(name: str, time: _Array, values: _Array, start: float) -> tu
         f"The noise of {name} was taken as {noise:.2g}, from differences between readings; a fast signal gives too "
         "much. Errors below the noise are not seen, so state the noise where it is known."
     )
-
-
-def warn_implausible(V: float, where: str) -> list[str]:
-    """Warn of a voltage before the event that suggests a wrong unit or base."""
-    if PLAUSIBLE_V[0] <= V <= PLAUSIBLE_V[1]:
-        return []
-    note = Doubt(f"V before the event is {V:.3g} pu: check its unit and base_kv.")
-    warnings.warn(f"{where}: {note}", DataWarning, stacklevel=3)
-    return [note]

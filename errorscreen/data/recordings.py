@@ -13,6 +13,7 @@ from errorscreen._runtime.display import Displayed, listed, span
 from errorscreen.data import preparation, resampling, signals
 from errorscreen.data.channels import ROLE_UNITS, Channel, channel_arrays, check_axes, summary_of
 from errorscreen.data.panels import Curves, plot_curves, with_unit
+from errorscreen.data.plausibility import warn_implausible
 from errorscreen.events import SetPointStep
 from errorscreen.exceptions import InputError, unknown_name
 
@@ -146,16 +147,15 @@ class Recording(Displayed):
         ages = preparation.treat_held(t, arrays, held, notes)
         quiet = preparation.quiet_part(t, start, where)
         preparation.check_response(t, start, where)
-        if event_time is not None:
-            preparation.check_rest(t, arrays, quiet, notes, where)
+        preparation.check_rest(t, arrays, start, quiet, notes, where)
         channels = {}
         for key, v in arrays.items():
             unit = ROLE_UNITS.get(key) or units.get(key, "")
             sigma = preparation.channel_noise(key, t, v, quiet, noise, unit, notes, where)
             channels[key] = Channel(key, v, unit, sigma, ages.get(key, 0.0))
         recording = cls(name, t, channels, base_mva, f_nominal, start, quiet, base_kv, given)
-        if "V" in channels or "V" in given:
-            notes += preparation.warn_implausible(recording.initial(["V"])["V"], where)
+        initial = recording.initial(name for name in ("V", "f") if name in channels or name in given)
+        notes += warn_implausible(t, arrays, initial, f_nominal, where)
         return replace(recording, assumptions=tuple(notes))
 
     @classmethod

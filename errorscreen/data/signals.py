@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +18,10 @@ RESOLUTION = 1e-5
 #: The quiet band has the half width of so many standard deviations of the noise, and of this part of the channel's
 #: largest excursion (99th percentile), so that drift, rounding and the precursors of a filter do not count.
 _SIGMAS, _FRACTION = 6.0, 0.05
+#: Most bands that are drawn, each from more of the readings before the move.
+_ROUNDS = 5
+#: A move is clear from this part of the largest excursion on: what moves less before is the noise of the grid.
+CLEAR = 0.2
 #: Readings in a row that must lie outside the band, so that a single spike does not count.
 _PERSIST = 3
 
@@ -199,10 +204,11 @@ def drop_held(values: ArrayLike, hold: int) -> NDArray[np.float64]:
 def detect_event(
     time: ArrayLike, channels: Mapping[str, ArrayLike], *, least: float = 0.0, where: str | None = None
 ) -> float:
-    """Find the instant at which the first channel leaves its quiet band.
+    """Find the instant at which the first channel leaves its quiet band for a clear move.
 
     The band lies about the initial median. Its half width is the largest of six standard deviations of the noise, 5 %
-    of the channel's largest excursion, and `least`. Three readings in a row must lie outside.
+    of the channel's largest excursion, and `least`. Three readings in a row must lie outside. A move is clear where it
+    reaches 20 % of the largest excursion; smaller ones before it are taken for noise of the grid.
 
     Parameters
     ----------
@@ -236,9 +242,9 @@ def detect_event(
     onsets: dict[str, tuple[float, bool]] = {}
     for name, x in arrays.items():
         keep = np.isfinite(x)
-        first = first_departure(t[keep], x[keep], least=least)
-        if first is not None:
-            onsets[name] = (float(t[keep][first]), _rests(t[keep], x[keep], first))
+        move = first_move(t[keep], x[keep], least=least)
+        if move is not None:
+            onsets[name] = (float(t[keep][move.onset]), _rests(t[keep], x[keep], move.onset))
     if onsets:
         moving: str | None = min(onsets, key=lambda name: onsets[name][0])
         start, rests = onsets[str(moving)]
@@ -275,29 +281,54 @@ def _moves_at_once(values: _Array, least: float) -> bool:
 
 
 def _rests(t: _Array, x: _Array, first: int) -> bool:
-    """Whether the readings before `first` start inside the band and drift by less than a fifth of the event."""
+    """Whether the readings before `first` start inside the band and drift by less than a tenth of the event."""
     if first < 2:
         return False
-    head, sigma = x[:first], scatter(t[:first], x[:first])
+    head = x[:first]
+    sigma = 1.4826 * float(np.median(np.abs(np.diff(head, 2)))) / np.sqrt(6.0) if first > 2 else 0.0
     drift = abs(float(np.polyfit(t[:first], head, 1)[0])) * float(t[first - 1] - t[0])
     excursion = float(np.percentile(np.abs(x - np.median(head)), 99))
-    return drift - 3 * sigma * float(np.sqrt(12 / first)) < 0.2 * excursion  # less the drift of mere noise
+    return drift - 3 * sigma * float(np.sqrt(12 / first)) < 0.1 * excursion  # less the drift of mere noise
 
 
-def first_departure(time: ArrayLike, values: ArrayLike, *, least: float = 0.0) -> int | None:
-    """Index of the first reading outside the quiet band of `detect_event`, without gaps; None if there is none."""
+class Move(NamedTuple):
+    """Indices of a clear move: where it begins to leave the quiet band, and where it is clear."""
+
+    onset: int
+    clear: int
+
+
+def first_move(
+    time: ArrayLike, values: ArrayLike, *, least: float = 0.0, clear: float = CLEAR
+) -> Move | None:
+    """First clear move of readings without gaps, None if there is none.
+
+    A move is clear from a part `clear` of the largest excursion on; see `detect_event`.
+    """
     t, x = np.asarray(time, dtype=float), np.asarray(values, dtype=float)
     if len(x) < 2 * MIN_QUIET:
         return None
-    size = max(2 * MIN_QUIET, min(len(x) // 10, 20), len(x) // 100)
-    first = None
-    for _ in range(5):  # the band is drawn again from all readings before the instant it found
+    size = fewest = max(2 * MIN_QUIET, min(len(x) // 10, 20))
+    move = None
+    for _ in range(_ROUNDS):
         distance = np.abs(x - float(np.median(x[:size])))
-        widest = _FRACTION * float(np.percentile(distance, 99))
-        outside = distance > max(_SIGMAS * scatter(t[:size], x[:size]), widest, least)
-        runs = np.convolve(outside, np.ones(_PERSIST, dtype=int), mode="valid") == _PERSIST
-        found = int(np.argmax(runs)) if runs.any() else None
-        if found is None or found == first or found == 0:
-            return found
-        first = size = found
-    return first
+        largest = float(np.percentile(distance, 99))
+        band = max(_SIGMAS * scatter(t[:size], x[:size]), _FRACTION * largest, least)
+        moved = _first_run(distance > max(band, clear * largest))
+        if moved is None:  # with more readings there is no move; fewer say too little
+            return move if size < fewest else None
+        # it begins behind the last readings in a row that lie in the band
+        inside = _first_run((distance <= band)[:moved][::-1])
+        before, move = move, Move(0 if inside is None else moved - inside, moved)
+        if move.onset == 0 or (before is not None and move.onset == before.onset):
+            break
+        size = min(2 * size, move.onset)  # a band from more readings
+    return move
+
+
+def _first_run(mask: NDArray[np.bool_]) -> int | None:
+    """Index at which a mask first holds `_PERSIST` times in a row, None if it never does."""
+    if len(mask) < _PERSIST:
+        return None
+    runs = np.convolve(mask, np.ones(_PERSIST, dtype=int), mode="valid") == _PERSIST
+    return int(np.argmax(runs)) if runs.any() else None

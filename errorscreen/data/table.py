@@ -4,30 +4,65 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from errorscreen._runtime.display import listed
 from errorscreen.exceptions import InputError, unknown_name
 
 #: Texts that mark a gap, in any case.
 MISSING = (
-    *("", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--"),
-    *("bad", "bad data", "bad input", "no data", "invalid"),
+    *("", "nan", "na", "n/a", "#n/a", "n.a.", "null", "(null)", "<null>", "none", "-", "--", "---", "*", "?"),
+    *(
+        "bad",
+        "bad data",
+        "bad input",
+        "bad quality",
+        "no data",
+        "no sample",
+        "no result",
+        "invalid",
+        "missing",
+    ),
+    *(
+        "i/o timeout",
+        "comm fail",
+        "scan off",
+        "shutdown",
+        "pt created",
+        "out of serv",
+        "calc failed",
+        "over range",
+    ),
+    *(
+        "under range",
+        "not connect",
+        "questionable",
+        "#value!",
+        "#ref!",
+        "#div/0!",
+        "#num!",
+        "1.#qnan",
+        "-1.#ind",
+    ),
 )
 
 
 @dataclass(frozen=True)
 class Table:
-    """Columns by header, and the number of each row in its source; `source` and `row_word` are for messages."""
+    """Columns by header, and the number of each row in its source; `source` and `row_word` are for messages, `units`
+    what a row of units below the header says.
+    """
 
     columns: Mapping[str, Any]
     rows: Sequence[int]
     source: str
     row_word: str = "line"
+    units: Mapping[str, str] = field(default_factory=dict)
 
     def place(self, row: int, header: str) -> str:
         """Name of a cell."""
@@ -40,28 +75,47 @@ class Table:
         return self.columns[header]
 
     def numbers(
-        self, header: str, *, missing: Iterable[str] = (), decimal: str = ".", remedy: str | None = None
+        self,
+        header: str,
+        *,
+        missing: Iterable[str | float] = (),
+        decimal: str = ".",
+        remedy: str | None = None,
     ) -> NDArray[np.float64]:
         """Numbers of a column, NaN for gaps; other texts are refused."""
-        cells = pd.Series(list(self.column(header)))
+        cells = self.column(header)
+        cells = pd.Series(cells if isinstance(cells, np.ndarray) else list(cells))
+        known = [str(mark).strip() for mark in missing]
+        marks = pd.to_numeric(pd.Series(known, dtype="string"), errors="coerce").dropna().to_numpy()
+        if pd.api.types.is_complex_dtype(cells):
+            raise InputError(
+                "the column holds complex numbers",
+                where=f"{self.source}, column {header!r}",
+                allowed="real numbers",
+                remedy="Split it into two columns; V takes them as real and imag",
+            )
         if pd.api.types.is_numeric_dtype(cells):
-            return cells.to_numpy(dtype=float, na_value=np.nan)
+            numbers = cells.to_numpy(dtype=float, na_value=np.nan)
+            return np.where(np.isin(numbers, marks), np.nan, numbers) if len(marks) else numbers
         text = cells.astype("string").fillna("").str.strip()
         plain = text.str.replace(",", ".", regex=False) if decimal == "," else text
         numbers = pd.to_numeric(plain, errors="coerce").to_numpy(dtype=float, na_value=np.nan)
-        gap = text.str.lower().isin({t.lower() for t in (*MISSING, *missing)}).to_numpy(dtype=bool)
+        gap = text.str.lower().isin({text.lower() for text in (*MISSING, *known)}).to_numpy(dtype=bool)
+        gap = gap | np.isin(numbers, marks)
         wrong = np.flatnonzero(np.isnan(numbers) & ~gap)
         if len(wrong):
             found = str(text[int(wrong[0])])
+            kinds = text.iloc[wrong].unique()
             more = f" ({len(wrong)} such cells)" if len(wrong) > 1 else ""
-            remedy = remedy or "Correct the cell, or add its text to missing if it marks a gap"
+            if len(kinds) > 1:
+                more = f", nor are {listed(map(repr, kinds[1:]))} ({len(wrong)} such cells)"
+            remedy = remedy or "Correct the cells, or add their texts to missing if they mark gaps"
             if re.fullmatch(r"[+-]?\d+,\d+([eE][+-]?\d+)?", found):
                 remedy = "Give decimal=',' for numbers with a decimal comma"
-            marks = ", ".join(text or "empty" for text in MISSING)
             raise InputError(
                 f"{found!r} is not a number{more}",
                 where=self.place(int(wrong[0]), header),
-                allowed=f"numbers with a decimal point, or a mark of a gap: {marks}",
+                allowed="numbers with a decimal point, or a usual mark of a gap such as an empty cell, NaN or 'bad'",
                 remedy=remedy,
             )
         return np.where(gap, np.nan, numbers)

@@ -182,9 +182,9 @@ def _voltage_factor(unit: str, spec: Column, bases: Bases, where: str) -> float:
     return kv * (float(np.sqrt(3.0)) if spec.line_neutral else 1.0) / bases.kv
 
 
-def unwrap(angle: _Array) -> _Array:
-    """Remove jumps by full turns from an angle in rad; gaps stay gaps."""
+def unwrap(angle: _Array, turn: float = 2 * np.pi) -> _Array:
+    """Remove jumps by full turns from an angle, in rad where `turn` is not given; gaps stay gaps."""
     out = angle.copy()
     known = np.isfinite(out)
-    out[known] = np.unwrap(out[known])
+    out[known] = np.unwrap(out[known], period=turn)
     return out

@@ -6,6 +6,7 @@ from errorscreen.discovery.finder import CauseFinder
 from errorscreen.discovery.first_look import Contribution, FirstLook, effect_dataset
 from errorscreen.discovery.fits.hypotheses import Hypothesis
 from errorscreen.discovery.fits.noise import noise_limit
+from errorscreen.discovery.judge.acting import Acting
 from errorscreen.discovery.judge.errors import ChannelFit, ModelFit, StageError, channel_fits, stage_errors
 from errorscreen.discovery.judge.gain import EventGain, Gain, measure_gain
 from errorscreen.discovery.judge.ranking import Cause, NamedEffect
@@ -15,6 +16,7 @@ from errorscreen.discovery.judge.verdict import Verdict, held_out_limit, judge
 from errorscreen.discovery.unknown_input.locations import InputLocation, rank_input_locations
 
 __all__ = [
+    "Acting",
     "Cause",
     "CauseFinder",
     "Cell",

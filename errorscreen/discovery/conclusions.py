@@ -9,7 +9,7 @@ import numpy as np
 
 from errorscreen.discovery.fits.hypotheses import CORNER, Hypothesis
 from errorscreen.discovery.judge.gain import Gain
-from errorscreen.discovery.judge.ranking import Cause
+from errorscreen.discovery.judge.ranking import Cause, NamedEffect
 from errorscreen.discovery.judge.residual_test import ResidualTest
 from errorscreen.discovery.unknown_input.locations import InputLocation
 from errorscreen.effects.base import Effect
@@ -21,8 +21,8 @@ _PLACEBO = 0.05
 LITTLE = 0.5
 #: explanations at least so many times as probable as the first are named with it
 ALIKE = 1 / 20
-#: most names in a sentence
-_TOLD = 6
+#: most names in a sentence, and most recordings for which the time is told at which an effect acts
+_TOLD, _EVENTS = 6, 3
 
 
 def placebo(
@@ -43,20 +43,26 @@ def placebo(
 
 
 def freedom(effects: Sequence[Effect]) -> int:
-    """Number of parameters of some effects."""
-    return sum(len(effect.parameters) for effect in effects)
+    """Number of parameters of some effects that a fit moves."""
+    return sum(len(effect.fitted) for effect in effects)
 
 
 def named_text(cause: Cause, chosen: Hypothesis, base: Hypothesis, alike: Sequence[str]) -> str:
     """Reasons for a verdict that names an effect or a measurement fault, where `base` has parameters alone."""
     at = "" if cause.place in cause.title else f" (at {cause.place})"
-    text = f"{cause.title}{at} explains the error that parameters leave (probability {probable(cause.probability)})."
+    likely = probable(cause.probability)
+    text = f"{cause.title}{at}: this explains the error that parameters leave (probability {likely})."
+    text += acting_text(cause.effects)
     if cause.event:
         text += " It belongs to this recording, not to the model."
     if not cause.exact:
         text += (
             f" It leaves {100 * (1.0 - cause.explained):.2g} % of the error that parameters leave, more than noise: "
-            "its form differs from the library's, and its values are the nearest ones."
+            + (
+                "its form differs from the library's, and its values are the nearest ones."
+                if cause.parameters
+                else "something else differs as well."
+            )
         )
     text += (
         f" χ²/N is {base.chi2_per_sample:.3g} with parameters alone and {chosen.chi2_per_sample:.3g} with it."
@@ -66,6 +72,19 @@ def named_text(cause: Cause, chosen: Hypothesis, base: Hypothesis, alike: Sequen
             " Its fit did not end at a minimum, because of limiters or jumps: other values may fit better."
         )
     return text + alike_text(alike) + _cornered(base)
+
+
+def acting_text(effects: Sequence[NamedEffect]) -> str:
+    """From when to when effects act, in words; empty where nobody can tell."""
+    text = ""
+    for effect in effects:
+        subject = "it" if len(effects) == 1 else effect.original
+        for one in [one for one in effect.acts if one.text][:_EVENTS]:
+            sentence = f"{subject} {one.text}."
+            if len(effect.acts) > 1:
+                sentence = f"in {one.recording} {sentence}"
+            text += f" {sentence[0].upper()}{sentence[1:]}"
+    return text
 
 
 def probable(probability: float) -> str:

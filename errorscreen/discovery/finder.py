@@ -186,7 +186,7 @@ class CauseFinder(BaseEstimator):
         journal = self._open_journal(observations, library)
         problem = FitProblem(self.simulator, list(observations))
         best = min(self.calibrator_.starts_, key=lambda start: start["objective"])
-        first = parameters_only(problem, self.calibrator_.theta_, best["state"])
+        first = parameters_only(problem, [*self.calibrator_.values_.values()], best["state"])
         search = ModelSearch(
             first,
             max_effects=self.max_effects,

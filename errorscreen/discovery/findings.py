@@ -28,7 +28,7 @@ from errorscreen.discovery.fits.hypotheses import Hypothesis
 from errorscreen.discovery.judge.candidate_set import CandidateSet
 from errorscreen.discovery.judge.errors import ModelFit
 from errorscreen.discovery.judge.gain import Gain, measure_gain
-from errorscreen.discovery.judge.ranking import Cause, NamedEffect, half_width
+from errorscreen.discovery.judge.ranking import Cause, half_width
 from errorscreen.discovery.judge.separation import Group, differing, group_of
 from errorscreen.discovery.judge.verdict import Verdict, judge
 from errorscreen.discovery.search.journal import Journal
@@ -157,7 +157,7 @@ class Findings:
                 )
                 for h in self.hypotheses
             ),
-            extension=tuple(map(NamedEffect.of, self.chosen.effects)) if verdict.kind in _NAMED else (),
+            extension=first.effects if verdict.kind in _NAMED else (),
             parameters=tuple(self._estimates(self.chosen)),
             calibration=Calibration.of(self.calibrator, "map"),
             models=(),
@@ -251,7 +251,10 @@ class Findings:
         width = half_width(hypothesis, exact=cause is not None and cause.exact)
         half = dict(zip(hypothesis.names, width * np.sqrt(np.diag(hypothesis.covariance)), strict=True))
         profiled = {p.name: p for p in cause.parameters} if cause is not None else {}
-        for p, value in zip(hypothesis.simulator.parameters, hypothesis.theta.tolist(), strict=True):
+        space = hypothesis.simulator.parameters
+        for p, value in zip(space, hypothesis.theta.tolist(), strict=True):
+            if p.name not in half:  # a switch is on: that is no estimate
+                continue
             margin = float(half[p.name]) * float(p.scale or 1.0)
             linear = Estimate.of(p, value, max(p.lower, value - margin), min(p.upper, value + margin))
             yield profiled.get(p.name, linear)

@@ -18,10 +18,12 @@ from errorscreen.effects.excitation_limiters import (
 from errorscreen.effects.exciter import EXCITER, UNIT_EXCITER
 from errorscreen.effects.forced_oscillation import forced_oscillation
 from errorscreen.effects.governor import GOVERNOR, STEAM_GOVERNOR
+from errorscreen.effects.governor_dead_band import GOVERNOR_DEAD_BAND
 from errorscreen.effects.hydro_governor import HYDRO_GOVERNOR
 from errorscreen.effects.latent_input import latent_input
 from errorscreen.effects.load import FREQUENCY_DEPENDENCE, MOTOR_LOAD, STATIC_ACTIVE, STATIC_REACTIVE
 from errorscreen.effects.measurement import common_skew, measurement_effects
+from errorscreen.effects.mva_base import mva_base
 from errorscreen.effects.parts_acting import (
     GOVERNOR_ACTING,
     REGULATOR_ACTING,
@@ -32,7 +34,7 @@ from errorscreen.effects.phase_locked_loop import PHASE_LOCKED_LOOP
 from errorscreen.effects.ramp_limit import RAMP_LIMIT
 from errorscreen.effects.ride_through import HIGH_VOLTAGE_TRIP, RIDE_THROUGH, RIDE_THROUGH_TRIP
 from errorscreen.effects.saturation import SATURATION, UNIT_SATURATION
-from errorscreen.effects.stabiliser import STABILISER, STABILISER_INPUT
+from errorscreen.effects.stabiliser import STABILISER, STABILISER_INPUT, UNIT_STABILISER
 from errorscreen.effects.volt_var import VOLT_VAR
 from errorscreen.exceptions import InputError
 
@@ -46,6 +48,7 @@ EFFECTS: Registry[Effect] = Registry(
         "exciter": EXCITER,
         "unit_exciter": UNIT_EXCITER,
         "stabiliser": STABILISER,
+        "unit_stabiliser": UNIT_STABILISER,
         "stabiliser_input": STABILISER_INPUT,
         "stabiliser_acting": STABILISER_ACTING,
         "under_excitation_acting": UNDER_EXCITATION_ACTING,
@@ -62,6 +65,7 @@ EFFECTS: Registry[Effect] = Registry(
         "hydro_governor": HYDRO_GOVERNOR,
         "steam_governor": STEAM_GOVERNOR,
         "governor_acting": GOVERNOR_ACTING,
+        "governor_dead_band": GOVERNOR_DEAD_BAND,
         "lag_active": ACTIVE_CURRENT_LAG,
         "lag_reactive_power": REACTIVE_POWER_LAG,
         "lag_reactive_current": REACTIVE_CURRENT_LAG,
@@ -137,4 +141,5 @@ __all__ = [
     "forced_oscillation",
     "latent_input",
     "measurement_effects",
+    "mva_base",
 ]

@@ -110,6 +110,14 @@ class Effect:
         Belongs to one recording and not to the plant: an error of the event's record, or a forced oscillation.
     recording : str
         Name of the only event in which it acts; empty for all.
+    switch : bool
+        On or off and nothing between: the strength is nominal where the effect is added, and no fit moves it.
+    told : str
+        Title of the effect in a unit of standard models, with ``{unit}`` and the names of its slots, ``{exciter}``, in
+        place of their models; the title where empty.
+    reading : callable, optional
+        ``reading(title, values)`` returns the title for fitted values: value, lower and upper end of each parameter by
+        its short name.
     """
 
     name: str
@@ -133,6 +141,9 @@ class Effect:
     smallest: Mapping[str, float] = field(default_factory=dict, hash=False)
     event_specific: bool = False
     recording: str = ""
+    switch: bool = False
+    told: str = ""
+    reading: Callable[[str, Mapping[str, tuple[float, float, float]]], str] | None = None
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -144,18 +155,25 @@ class Effect:
         return self.parameters[0]
 
     @property
-    def channel(self) -> str:
-        """Measured channel that it acts on; empty for all channels, and inside the model."""
-        return self.port.removeprefix(CHANNEL) if self.port.startswith(CHANNEL) else ""
+    def fitted(self) -> tuple[Parameter, ...]:
+        """Parameters that a fit moves: all but the strength of a switch."""
+        return self.parameters[1:] if self.switch else self.parameters
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Measured channels that it acts on; none for all channels, and inside the model."""
+        ports = (self.port, *self.beside)
+        return tuple(port.removeprefix(CHANNEL) for port in ports if port.startswith(CHANNEL))
 
     def distorts(self, channel: str) -> bool:
         """Whether it is a fault of the measurement of a channel."""
-        return self.kind == "measurement" and (self.port == ALL_CHANNELS or self.channel == channel)
+        return self.kind == "measurement" and (self.port == ALL_CHANNELS or channel in self.channels)
 
     @property
     def place(self) -> str:
         """Where it acts, for reports."""
-        return self.port if not self.device else f"{self.device}: {self.port}"
+        port = " and ".join((self.port, *self.beside)) if self.channels else self.port
+        return port if not self.device else f"{self.device}: {port}"
 
     def at(self, device: str) -> Effect:
         """The same effect at one unit of a grid.
@@ -167,6 +185,17 @@ class Effect:
         'synchronous_machine.governor'
         """
         return replace(self, name=f"{device}.{self.name}", device=device)
+
+    def in_words(self, words: Mapping[str, str]) -> Effect:
+        """The same effect with its title in the words of a unit, see `errorscreen.models.device.Device.words`.
+
+        Examples
+        --------
+        >>> from errorscreen.effects import GOVERNOR_ACTING
+        >>> GOVERNOR_ACTING.in_words({"governor": "TGOV1", "unit": "unit 1"}).title
+        'The governor TGOV1 of unit 1 did not act'
+        """
+        return replace(self, title=self.told.format_map(words)) if self.told and words else self
 
     def during(self, recording: str, *, rename: bool = True) -> Effect:
         """The same effect, in the event of one recording only.

@@ -147,6 +147,7 @@ VOLTS_PER_HERTZ_LIMITER = _limiter(
 
 UNIT_FIELD_LIMITER = replace(
     FIELD_CURRENT_LIMITER,
+    told="The file of {unit} has no over-excitation limiter; one acted",
     port="VOEL",
     devices=("exciter without over_excitation",),
     equations=over_excitation_signal,
@@ -158,6 +159,7 @@ UNIT_FIELD_LIMITER = replace(
 )
 UNIT_UNDER_EXCITATION_LIMITER = replace(
     UNDER_EXCITATION_LIMITER,
+    told="The file of {unit} has no under-excitation limiter; one acted",
     port="VUEL",
     devices=("exciter without under_excitation",),
     equations=under_excitation_signal,

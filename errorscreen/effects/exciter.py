@@ -75,6 +75,7 @@ EXCITER = Effect(
 UNIT_EXCITER = replace(
     EXCITER,
     title="Excitation system (SEXS, or one with an integral)",
+    told="The file of {unit} has no exciter; one acted",
     devices=("without exciter",),
     equations=ceiling,
     parameters=(

@@ -96,6 +96,7 @@ GOVERNOR = Effect(
 STEAM_GOVERNOR = replace(
     GOVERNOR,
     title="Steam turbine-governor with dead band",
+    told="The file of {unit} has no governor; one of a steam turbine acted",
     devices=("without governor",),
     equations=steam,
     parameters=(

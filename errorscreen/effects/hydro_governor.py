@@ -57,6 +57,7 @@ def hydro(
 HYDRO_GOVERNOR = Effect(
     name="hydro_governor",
     title="Hydro turbine-governor with water hammer",
+    told="The file of {unit} has no governor; one of a hydro turbine acted",
     port="Pm",
     devices=("without governor",),
     equations=hydro,

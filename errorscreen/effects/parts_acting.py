@@ -9,9 +9,13 @@ so that a = 1 is a part that does not act, and a = 2 one that acts in the wrong 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from errorscreen.effects.base import Effect, strength
+
+#: shares so near to 1 or 2 are told as that
+_NEARLY = 0.05
 
 
 def signal_share(value: Any, a: Any) -> Any:
@@ -29,9 +33,29 @@ def governor_share(value: Any, Pm0: Any, a: Any) -> Any:
     return (value - a * (value - Pm0),)
 
 
+def share_in_words(title: str, values: Mapping[str, tuple[float, float, float]]) -> str:
+    """Title for a share: out of service, with the wrong sign, or with a part of the action.
+
+    Examples
+    --------
+    >>> share_in_words("The stabiliser did not act", {"a": (1.98, 1.9, 2.05)})
+    'The stabiliser acted with the wrong sign'
+    >>> share_in_words("The governor did not act", {"a": (0.4, 0.35, 0.45)})
+    'The governor acted with 0.6 of its action'
+    """
+    a, low, high = values["a"]
+    if low <= 1.0 <= high or abs(a - 1.0) < _NEARLY:
+        return title
+    wrong = low <= 2.0 <= high or abs(a - 2.0) < _NEARLY
+    did = "acted with the wrong sign" if wrong else f"acted with {1.0 - a:.2g} of its action"
+    return title.replace("did not act", did)
+
+
 STABILISER_ACTING = Effect(
     name="stabiliser_acting",
-    title="The stabiliser does not act",
+    title="The stabiliser did not act",
+    told="The stabiliser {stabiliser} of {unit} did not act",
+    reading=share_in_words,
     port="Vs",
     devices=("with stabiliser",),
     equations=signal_share,
@@ -47,7 +71,9 @@ STABILISER_ACTING = Effect(
 )
 UNDER_EXCITATION_ACTING = Effect(
     name="under_excitation_acting",
-    title="The under-excitation limiter does not act",
+    title="The under-excitation limiter did not act",
+    told="The under-excitation limiter {under_excitation} of {unit} did not act",
+    reading=share_in_words,
     port="VUEL",
     devices=("with under_excitation",),
     equations=signal_share,
@@ -64,7 +90,9 @@ UNDER_EXCITATION_ACTING = Effect(
 )
 REGULATOR_ACTING = Effect(
     name="regulator_acting",
-    title="The voltage regulator does not act",
+    title="The voltage regulator did not act",
+    told="The voltage regulator {exciter} of {unit} did not act",
+    reading=share_in_words,
     port="Efd",
     devices=("with exciter",),
     equations=regulator_share,
@@ -76,7 +104,9 @@ REGULATOR_ACTING = Effect(
 )
 GOVERNOR_ACTING = Effect(
     name="governor_acting",
-    title="The governor does not act",
+    title="The governor did not act",
+    told="The governor {governor} of {unit} did not act",
+    reading=share_in_words,
     port="Pm",
     devices=("with governor",),
     equations=governor_share,

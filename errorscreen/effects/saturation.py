@@ -60,6 +60,7 @@ SATURATION = Effect(
 )
 UNIT_SATURATION = replace(
     SATURATION,
+    told="The file of {unit} has no saturation; its machine saturates",
     port="S10",
     beside=("S12",),
     kind="constants",

@@ -9,7 +9,17 @@ the exciter included, because the machine may have none:
     T_2\,\dot x &= y_w - x,\quad y = x + (T_1/T_2)(y_w - x)                                & (S2)\\
     \Delta E_{fd} &= [K y]_{-E_S}^{E_S},\quad E_S = 2\ \text{pu}                            & (S3)
 
-A unit with an exciter takes the signal at its summing point instead, limited to ± 0.1 pu.
+Of a unit from a model file the signal passes two equal lead-lags, as stabilisers of the field usually have them
+(:math:`T_1 = T_3`, :math:`T_2 = T_4` in IEEEST and STAB1):
+
+.. math::
+
+    T_2\,\dot x &= y_w - x,\quad y_1 = x + (T_1/T_2)(y_w - x)                              & (S4)\\
+    T_2\,\dot z &= y_1 - z,\quad y = z + (T_1/T_2)(y_1 - z)                                & (S5)
+
+in place of (S2). With an exciter the signal acts at its summing point, and its limit is a parameter:
+
+.. math:: \Delta V_s = [K y]_{-V_{max}}^{V_{max}}                                                   \qquad (S6)
 """
 
 from __future__ import annotations
@@ -17,10 +27,12 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+from numba.extending import register_jitable
+
 from errorscreen.effects.base import Effect, strength, value
 from errorscreen.engine.vmath import clip
 
-_E_S, _V_S = 2.0, 0.1
+_E_S = 2.0
 
 
 def stabiliser(value: Any, omega: Any, w: Any, x: Any, K: Any, TW: Any, T1_T2: Any, T2: Any) -> Any:
@@ -30,18 +42,35 @@ def stabiliser(value: Any, omega: Any, w: Any, x: Any, K: Any, TW: Any, T1_T2: A
     return value + clip(K * y, -_E_S, _E_S), yw / TW, (yw - x) / T2
 
 
-def stabiliser_input(value: Any, omega: Any, w: Any, x: Any, K: Any, TW: Any, T1_T2: Any, T2: Any) -> Any:
-    """Signal at the summing point of the exciter, and derivatives of washout and lead-lag."""
+@register_jitable
+def _two_stages(omega: Any, w: Any, x: Any, z: Any, TW: Any, T1_T2: Any, T2: Any) -> Any:
+    """Signal before gain and limit, and derivatives of washout and both lead-lags, (S1), (S4), (S5)."""
     yw = (omega - 1.0) - w
-    y = x + T1_T2 * (yw - x)
-    return value + clip(K * y, -_V_S, _V_S), yw / TW, (yw - x) / T2
+    y1 = x + T1_T2 * (yw - x)
+    return z + T1_T2 * (y1 - z), yw / TW, (yw - x) / T2, (y1 - z) / T2
+
+
+def stabiliser_field(
+    value: Any, omega: Any, w: Any, x: Any, z: Any, K: Any, TW: Any, T1_T2: Any, T2: Any
+) -> Any:
+    """Field voltage, (S3), and derivatives of washout and both lead-lags."""
+    y, dw, dx, dz = _two_stages(omega, w, x, z, TW, T1_T2, T2)
+    return value + clip(K * y, -_E_S, _E_S), dw, dx, dz
+
+
+def stabiliser_input(
+    value: Any, omega: Any, w: Any, x: Any, z: Any, K: Any, TW: Any, T1_T2: Any, T2: Any, Vmax: Any
+) -> Any:
+    """Signal at the summing point of the exciter, (S6), and derivatives of washout and both lead-lags."""
+    y, dw, dx, dz = _two_stages(omega, w, x, z, TW, T1_T2, T2)
+    return value + clip(K * y, -Vmax, Vmax), dw, dx, dz
 
 
 STABILISER = Effect(
     name="stabiliser",
     title="Power system stabiliser",
     port="Efd",
-    devices=("synchronous_machine", "without exciter and stabiliser"),
+    devices=("synchronous_machine",),
     equations=stabiliser,
     parameters=(
         strength("K", 60.0, 300.0, "pu", "stabiliser", "K", "field voltage per speed deviation; 0: none"),
@@ -56,14 +85,29 @@ STABILISER = Effect(
     source="IEEE Std 421.5-2016, type PSS1A",
     confused_with=("a larger damping coefficient D", "a governor", "an exciter"),
 )
-STABILISER_INPUT = replace(
+UNIT_STABILISER = replace(
     STABILISER,
+    told="The file of {unit} has no stabiliser; one acted",
+    devices=("without exciter and stabiliser",),
+    equations=stabiliser_field,
+    parameters=(
+        *STABILISER.parameters[:2],
+        value("T1_T2", 4.0, 1.0, 12.0, "", "stabiliser", "T_1/T_2", "lead over lag, of each of the two"),
+        value("T2", 0.04, 0.01, 0.2, "s", "stabiliser", "T_2", "lag time constant, of each of the two"),
+    ),
+    states=("w", "x", "z"),
+    formula="Efd = Efd* + K · ((1 + s T1) / (1 + s T2))² · s TW / (1 + s TW) · (ω − 1), limited to ± 2 pu",
+    source="IEEE Std 421.5-2016, type PSS1A; PSS/E model library, IEEEST and STAB1",
+)
+STABILISER_INPUT = replace(
+    UNIT_STABILISER,
     port="Vs",
     devices=("exciter without stabiliser",),
     equations=stabiliser_input,
     parameters=(
         strength("K", 10.0, 50.0, "pu", "stabiliser", "K", "signal per speed deviation; 0: none"),
-        *STABILISER.parameters[1:],
+        *UNIT_STABILISER.parameters[1:],
+        value("Vmax", 0.1, 0.02, 0.3, "pu", "stabiliser", "V_max", "limit of the signal"),
     ),
-    formula="Vs = K · (1 + s T1) / (1 + s T2) · s TW / (1 + s TW) · (ω − 1), limited to ± 0.1 pu",
+    formula="Vs = K · ((1 + s T1) / (1 + s T2))² · s TW / (1 + s TW) · (ω − 1), limited to ± Vmax",
 )

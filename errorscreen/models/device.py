@@ -9,6 +9,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from errorscreen.effects.base import Effect
 from errorscreen.engine.stages import Call, Equations
 from errorscreen.exceptions import InputError, unknown_name
 from errorscreen.parameters import Parameter, ParameterSpace
@@ -85,7 +86,7 @@ class SetPoint(NamedTuple):
 
 @dataclass(frozen=True)
 class Device:
-    """A dynamic device at a terminal whose voltage is given.
+    """A dynamic device at a terminal whose voltage, or power, is given.
 
     All quantities are in per unit of the device's own base unless a unit is stated; power is positive when
     generated. The terminal voltage enters as ``Vr``, ``Vi`` in a frame that rotates at the pre-event
@@ -128,6 +129,14 @@ class Device:
         Set-points that can step, see `errorscreen.models.set_points`.
     steps : mapping of str to bool
         Set-points whose steps are compiled in, and whether a size is to be found.
+    effects : tuple of Effect
+        Effects that it offers beside those of the library, for example its flags.
+    words : mapping of str to str
+        How titles of effects call the unit, ``"unit"``, and the model in each filled slot.
+    imposed : tuple of (str, str)
+        What drives it: the parts of the terminal voltage, or P and Q (`errorscreen.simulators.plant.imposed_power`).
+    outputs : tuple of str
+        Channels that are compared.
     """
 
     name: str
@@ -147,18 +156,20 @@ class Device:
     driven: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     set_points: Mapping[str, SetPoint] = field(default_factory=dict)
     steps: Mapping[str, bool] = field(default_factory=dict)
-
-    outputs = ("P", "Q")
+    effects: tuple[Effect, ...] = ()
+    words: Mapping[str, str] = field(default_factory=dict)
+    imposed: tuple[str, str] = ("Vr", "Vi")
+    outputs: tuple[str, ...] = ("P", "Q")
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """Functions of time that all simulations share: the terminal voltage, recorded deviations, and steps."""
+        """Functions of time that all simulations share: what is imposed, recorded deviations, and steps."""
         steps = [
             f"{name}.{kind}"
             for name, sought in self.steps.items()
             for kind in ("known", "unknown")[: 1 + sought]
         ]
-        return ("Vr", "Vi", *(f"d{name}" for name in self.driven), *steps)
+        return (*self.imposed, *(f"d{name}" for name in self.driven), *steps)
 
     @property
     def interface(self) -> GridInterface:

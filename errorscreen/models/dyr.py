@@ -130,7 +130,7 @@ class DyrFile(Displayed):
                 name, [one.model for one in records], kind="model", where=f"unit {key[0]} {key[1]!r}"
             )
         kept = [one for one in records if one.model not in left_out]
-        return unit([one.checked() for one in kept], inputs=inputs)
+        return unit([one.checked() for one in kept], inputs=inputs, identifier=key[1])
 
     def check(self) -> list[str]:
         """All problems of the file, each with its line."""

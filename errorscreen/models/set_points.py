@@ -1,4 +1,4 @@
-r"""Steps of set-points of a unit: voltage, active power, reactive power.
+r"""Steps of set-points of a unit: voltage, active power, reactive power, frequency.
 
 A step of size s at the instant :math:`t_s` adds to the set-point that the start gives:
 
@@ -7,7 +7,9 @@ A step of size s at the instant :math:`t_s` adds to the set-point that the start
     r(t) = r_0 + k\,\big(s_1\,\sigma(t - t_1) + s_2\,\sigma(t - t_2) + \dots\big)                   \qquad (1)
 
 with the unit step :math:`\sigma` and k = 1. Governors whose reference is a speed have k = R, their droop, so that the
-size of a step of the active power is one of power (or gate) for all governors.
+size of a step of the active power is one of power (or gate) for all governors. A step of the frequency moves the
+reference that the governor or the plant controller compares the speed or the frequency with; s > 0 raises the power,
+by s over the droop at rest.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ from errorscreen.models.part import Part
 from errorscreen.parameters import Parameter, ParameterSpace
 
 #: set-points, and the largest size in pu of a step that is to be found
-SET_POINTS = {"Vref": 0.1, "Pref": 0.5, "Qref": 0.5, "Qext": 0.5}
+SET_POINTS = {"Vref": 0.1, "Pref": 0.5, "Qref": 0.5, "Qext": 0.5, "Fref": 0.02}
 #: governors whose reference is a speed, with its name
 _BY_SPEED = {"HYGOV": "nref", "GGOV1": "Pref"}
 
@@ -59,11 +61,16 @@ def set_points(slots: Mapping[str, Any]) -> dict[str, SetPoint]:
         factor = governor.qualified("R") if governor.name in _BY_SPEED else ""
         if reference in governor.setpoints:
             found["Pref"] = SetPoint(governor.qualified(reference), factor)
+        frequency = _BY_SPEED.get(governor.name, "wref")
+        if frequency in governor.setpoints:
+            found["Fref"] = SetPoint(governor.qualified(frequency))
     if plant is not None and "yref" in plant.setpoints:
         values = slots["plant_control"].values
         found["Vref" if values["RefFlag"] == 1 else "Qref"] = SetPoint(plant.qualified("yref"))
         power = SetPoint(plant.qualified("Pplant"))
         found["Pref"] = power if values["Fflag"] == 1 else SetPoint("Pref", computed=True)
+        if values["Fflag"] == 1:
+            found["Fref"] = SetPoint(plant.qualified("fref"))
     elif "converter" in parts:
         read = {name for part in parts.values() for function in part.stages for name in reads_of(function)}
         found |= {name: SetPoint(name, computed=True) for name in ("Pref", "Qext") if _acts(name, read)}
@@ -110,8 +117,9 @@ def _with_step(device: Device, quantity: str, unknown: bool) -> Device:
             f"{device.name} has no set-point {quantity}",
             where="step of a set-point",
             allowed=", ".join(device.set_points) or "no step: the unit has no set-point",
-            remedy="A machine with an exciter has Vref, one with a governor Pref; a converter unit has Pref and Qext, "
-            "or what its plant controller regulates. A recorded input leaves no set-point of what it replaces",
+            remedy="A machine with an exciter has Vref, one with a governor Pref and Fref; a converter unit has Pref "
+            "and Qext, or what its plant controller regulates. A recorded input leaves no set-point of what it "
+            "replaces",
         )
     point = device.set_points[quantity]
     move, calls = f"{quantity}.known", []

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol, TypeVar
 
-from errorscreen.engine.stages import stage, writes_of
+from errorscreen.effects.base import Effect
+from errorscreen.effects.flags import other_flag
+from errorscreen.engine.stages import Call, stage, writes_of
 from errorscreen.exceptions import InputError
 from errorscreen.models.device import Constant, Device, GridInterface
 from errorscreen.models.limiters.none import NO_OVER_EXCITATION, NO_UNDER_EXCITATION
@@ -96,6 +98,12 @@ def powers(v: Values) -> Start:
     return Start({}, {"Pref0": v["P"], "Qext0": v["Q"], "by_speed": 0.0 * v["P"]})
 
 
+@stage("speed_reference")
+def speed_reference(value: Any) -> Any:
+    """Reference that a governor compares the speed with."""
+    return (value,)
+
+
 def _null(name: str, slot: str, title: str, function: Any) -> Part:
     return Part(name, slot, title, (), (function,), writes_of(function))
 
@@ -138,6 +146,7 @@ MACHINE_PORTS = {
     "Vc": "voltage that the exciter controls, in pu",
     "VOEL": "signal of the over-excitation limiter in pu, 0 where it does not act",
     "VUEL": "signal of the under-excitation limiter in pu, 0 where it does not act",
+    "speed_reference": "reference that the governor compares the speed with, in pu",
 }
 #: ports of a converter unit
 CONVERTER_PORTS = {
@@ -230,7 +239,9 @@ def family_of(slots: Mapping[str, Placed]) -> tuple[str, ...]:
     return family
 
 
-def unit(records: Sequence[Record], *, name: str = "", inputs: Iterable[str] = ()) -> Device:
+def unit(
+    records: Sequence[Record], *, name: str = "", inputs: Iterable[str] = (), identifier: str = ""
+) -> Device:
     """Device of a unit from its records, in any order.
 
     Parameters
@@ -242,6 +253,8 @@ def unit(records: Sequence[Record], *, name: str = "", inputs: Iterable[str] = (
     inputs : iterable of str
         Recorded quantities that drive a machine instead of its controllers: ``"Efd"``, ``"Pm"``. The records that they
         replace do not count; see `errorscreen.models.recorded_inputs`.
+    identifier : str, optional
+        Of the unit at its bus, for titles of effects.
 
     Raises
     ------
@@ -268,6 +281,10 @@ def unit(records: Sequence[Record], *, name: str = "", inputs: Iterable[str] = (
                 fixed.append(Constant(f"{one.part.name}.{item.name}", value, item.unit, item.description))
     calls = [part.call(function) for part in parts for function in part.stages]
     calls += [part.call(function) for part in parts for function in part.closing]
+    points = set_points(slots)
+    governed = "governor" in slots and "Fref" in points
+    if governed:
+        calls = _with_speed_reference(calls, points["Fref"].name)
     return Device(
         name=name or "+".join(slots[slot].part.name for slot in family if slot in slots),
         title=", ".join(
@@ -290,15 +307,44 @@ def unit(records: Sequence[Record], *, name: str = "", inputs: Iterable[str] = (
         setpoints=tuple(part.qualified(one) for part in parts for one in part.setpoints),
         stages=tuple(calls),
         initialise=UnitStart(parts if of_machine else (frame, *parts[:0:-1])),
-        ports=MACHINE_PORTS if of_machine else CONVERTER_PORTS,
+        ports={n: text for n, text in MACHINE_PORTS.items() if governed or n != "speed_reference"}
+        if of_machine
+        else CONVERTER_PORTS,
         needs_angle=True,
         grid=_behind_impedance(frame),
         source="; ".join(slots[slot].part.source for slot in family if slot in slots),
         recordable={n: q for n, q in MACHINE_CHANNELS.items() if n not in driven} if of_machine else {},
         tags=tuple(_tags(family, slots, driven)),
         driven=driven,
-        set_points=set_points(slots),
+        set_points=points,
+        effects=() if of_machine else tuple(_flags(slots)),
+        words={
+            "unit": f"unit {identifier}" if identifier else "the unit",
+            **{slot: one.part.name for slot, one in slots.items()},
+        },
     )
+
+
+def _with_speed_reference(calls: list[Call], reference: str) -> list[Call]:
+    """Calls with the reference of a governor behind a stage of its own, so that an effect may act on it."""
+    first = next(number for number, call in enumerate(calls) if reference in call.reads)
+    (name,) = writes_of(speed_reference)
+    bound = [
+        replace(call, reads=tuple(name if one == reference else one for one in call.reads)) for call in calls
+    ]
+    return [*bound[:first], Call(speed_reference, (reference,), (name,)), *bound[first:]]
+
+
+def _flags(slots: Mapping[str, Record]) -> Iterator[Effect]:
+    """Flags of a converter unit, each in its other setting."""
+    for one in slots.values():
+        for item in one.part.fields:
+            # the speed of a converter without drive train is 1
+            rests = item.name == "PFLAG" and "drive_train" not in slots
+            if item.unit == "code" and item.allowed == "0, 1" and not rests:
+                yield other_flag(
+                    one.part.name, item.name, one.values[item.name], item.description, one.part.source
+                )
 
 
 def _behind_impedance(frame: Part) -> GridInterface | None:
@@ -329,5 +375,7 @@ def _tags(family: tuple[str, ...], slots: Mapping[str, Record], driven: Iterable
         for slot in ("over_excitation", "under_excitation"):
             if "exciter" in slots and slot not in slots:
                 yield f"exciter without {slot}"
+        if "governor" in slots and slots["governor"].values.get("DB", 0.0) == 0:
+            yield "governor without dead band"
         if slots["machine"].values.get("S10") == 0:
             yield "without saturation"

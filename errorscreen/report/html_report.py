@@ -27,7 +27,7 @@ HEADLINES = {
     "within-noise": "The simulation agrees with the recording within its noise",
     "parameters": "Parameters of the model can explain the error",
     "measurement": "The measurement itself explains the error",
-    "effect": "The model lacks an effect",
+    "effect": "The model lacks an effect, or a part of it acts otherwise",
     "unknown": "The cause of the error is not known",
 }
 #: The same if the named effect belongs to one recording only.

@@ -214,7 +214,8 @@ class Result:
         What to check and to record next.
     run : Run
     correction : Correction or None
-        Of the user's model file; None without one, and where an effect, the measurement or noise is named.
+        Of the user's model file; None without one, and where an effect other than its flags, the measurement or noise
+        is named.
     schema_version : int
     """
 

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from errorscreen.effects.base import Effect, Values
+from errorscreen.effects import Effect, effects_of
+from errorscreen.effects.base import Values
 from errorscreen.engine.stages import Call, Equations, Model, reads_of, stage, writes_of
 from errorscreen.events import Event
 from errorscreen.exceptions import unknown_name
@@ -21,6 +22,12 @@ from errorscreen.simulators.base import Status
 Prepared = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_], Values, float, int]
 #: resistance and reactance between a device and the voltage that drives it
 _IMPEDANCE = ("R_grid", "X_grid")
+
+
+def library_of(device: Device) -> tuple[Effect, ...]:
+    """Effects of a device: those of the library, in the words of its file, and its own."""
+    known = effects_of(device.name, *device.tags)
+    return (*(effect.in_words(device.words) for effect in known), *device.effects)
 
 
 @stage("channel")
@@ -39,8 +46,8 @@ def assemble(
     """Model of a device at a terminal, with effects compiled in, each behind the equations of its port, in order.
 
     With `behind_impedance` the inputs ``Er``, ``Ei`` are the voltage behind ``R_grid`` + j ``X_grid``: (G1) to (G5) of
-    `errorscreen.power.elimination` for one unit. Equations of a `point` give its outputs from ``Er``, ``Ei``, ``Ir``,
-    ``Ii`` and the terminal's. `further` channels of the device are recorded, too. `InputError` for a port or
+    `errorscreen.power.elimination` for one unit. Equations of a `point` give its outputs from quantities of the model
+    and constants of their own. `further` channels of the device are recorded, too. `InputError` for a port or
     quantity that the device does not have.
     """
     effects = check_ports(device, effects)
@@ -63,7 +70,7 @@ def assemble(
         calls.extend(effect_call(effect) for name in call.writes for effect in effects if effect.port == name)
     measured: tuple[str, ...] = device.outputs
     if point is not None:
-        known = {*inputs, *constants, "Ir", "Ii", *device.outputs}
+        known = {*inputs, *states, *constants, *(name for call in calls for name in call.writes)}
         constants = (*constants, *(name for name in reads_of(point) if name not in known))
         calls.append(replace(_call(point), recorded=True))
         measured = writes_of(point)

@@ -143,6 +143,12 @@ class Simulator(ABC):
     extensions: tuple[Effect, ...] = ()
     event: Event
 
+    @property
+    def movable(self) -> tuple[str, ...]:
+        """Names of the parameters that a fit moves: all but the strengths of added switches, see `Effect.switch`."""
+        fixed = {effect.local(effect.strength.name) for effect in self.extensions if effect.switch}
+        return tuple(name for name in self.parameters.names if name not in fixed)
+
     def _short(self, model: str) -> str:
         """Text for `repr`: the model, its effects and the number of its parameters, in less than 200 characters."""
         names = " + ".join([model, *(effect.name for effect in self.extensions)])

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from errorscreen.data.observations import Observation
-from errorscreen.data.preparation import Doubt
 from errorscreen.discovery import Cause, Diagnosis, Gain, Group
 from errorscreen.discovery.conclusions import LITTLE, other_locations, placebo_text
-from errorscreen.events import Playback
 from errorscreen.simulators import Simulator
 from errorscreen.workflow.study import Study
 
@@ -16,12 +13,6 @@ from errorscreen.workflow.study import Study
 _FEW = 3
 #: key of a case file that lists recordings to fit together
 _TOGETHER = "list it under [[together]] in the case file"
-
-
-def doubts(observations: Sequence[Observation]) -> list[str]:
-    """Doubts about units, bases and signs of the recordings of a plant; in a grid no power of a line is implausible."""
-    played = [o for o in observations if isinstance(o.event, Playback)]
-    return [f"{o.event.name}: {text}" for o in played for text in o.assumptions if isinstance(text, Doubt)]
 
 
 def advice(diagnosis: Diagnosis, study: Study, hints: Sequence[str] = ()) -> list[str]:

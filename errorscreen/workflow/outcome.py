@@ -20,8 +20,9 @@ from errorscreen.learning.generation import local_sensitivity
 from errorscreen.metrics import top_k_overlap
 from errorscreen.report import Result
 from errorscreen.report.result import ChannelInfo, RecordingInfo, Role, Run, Screening, StudyInfo
-from errorscreen.workflow.advice import advice, doubts
+from errorscreen.workflow.advice import advice
 from errorscreen.workflow.study import Study
+from errorscreen.workflow.suspect_readings import doubts
 
 #: libraries whose versions decide the result
 _PACKAGES = ("numpy", "scipy", "scikit-learn", "numba", "PyWavelets", "torch")

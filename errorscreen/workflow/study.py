@@ -22,6 +22,7 @@ from errorscreen.report.result import Role
 from errorscreen.simulators import Connection, PlantSimulator
 from errorscreen.simulators.base import Simulator
 from errorscreen.workflow.grid_recordings import observed_grid
+from errorscreen.workflow.suspect_readings import observed
 
 Stage = Literal["screening", "calibration", "diagnosis"]
 
@@ -133,6 +134,7 @@ class Study:
                 step=case.simulation.step,
                 dt=case.simulation.dt,
                 grid_impedance=case.device.grid_impedance,
+                imposed=case.device.imposed,
                 constant_frequency=case.device.constant_frequency,
                 angle_reactance=case.device.angle_reactance,
                 connection=connection,
@@ -168,7 +170,7 @@ class Study:
             effect is unknown.
         """
         check_effects(simulator, sections.discovery)
-        observation, *others = (simulator.observe(r) for r in (recording, *together, *held_out))
+        observation, *others = (observed(simulator, r) for r in (recording, *together, *held_out))
         study = cls(
             title or recording.name,
             simulator,

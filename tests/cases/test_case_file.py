@@ -242,7 +242,7 @@ BAD = {
     ),
     "unknown format": (
         replaced("base_mva = 50", 'base_mva = 50\nformat = "cvs"'),
-        "recording.format: unknown format 'cvs' (did you mean 'csv'?). Allowed: csv.",
+        "recording.format: unknown format 'cvs' (did you mean 'csv'?). Allowed: csv, comtrade.",
     ),
     "unknown sign": (
         replaced('sign = "load"', 'sign = "consumer"'),
@@ -305,10 +305,6 @@ BAD = {
     "empty window": (
         replaced("t_end = 2.5", "t_start = 3.0\nt_end = 2.5"),
         "recording: the window from 3 to 2.5 s is empty. Allowed: t_start < t_end.",
-    ),
-    "no columns": (
-        re.sub(r"\[recording.columns.V\].*?\[\[held", "[recording.columns]\n[[held", GOOD, flags=re.DOTALL),
-        "recording.columns: {} was found. Allowed: at least 1 entry.",
     ),
     "no process": (GOOD + "[run]\nn_jobs = 0\n", "run: n_jobs is 0. Allowed: a number of processes, or -1."),
     "fewer simulations than starts": (

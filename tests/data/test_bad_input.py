@@ -54,15 +54,45 @@ FILES = {
         {},
         "line 7, column 'P': 'forty' is not a number. Allowed: numbers with a decimal point",
     ),
-    "units in a second header row": (
-        edited(2, "s,pu,MW"),
+    "another unit in the row of units": (
+        edited(2, "s,pu,kW"),
         {},
-        "line 2, column 'time': 's' is not a number",
+        "column 'P': the unit of P is given as 'MW', but the file says 'kW'",
+    ),
+    "another unit of time in the row of units": (
+        edited(2, "ms,pu,MW"),
+        {"time_unit": "s"},
+        "column 'time': the unit of time is given as 's', but the file says 'ms'",
+    ),
+    "a mark of a gap that is not stated": (
+        edited(9, "0.35,-9999,-9999"),
+        {},
+        "line 9, column 'V': 1 readings are exactly -9999, far beyond the others",
+    ),
+    "no headers": (
+        GOOD.split("\n", 1)[1],
+        {},
+        "has numbers in its first row where headers are expected",
+    ),
+    "status of no row is good": (
+        GOOD,
+        {"quality": {"column": "V", "good": ["ok"]}},
+        "column 'V': no row has a good status; found were",
+    ),
+    "status without texts": (
+        GOOD,
+        {"quality": {"column": "V"}},
+        "quality lacks its column, or texts of good rows",
+    ),
+    "a date where stamps are numbers": (
+        GOOD,
+        {"event_time": "2026-05-03"},
+        "event_time is the text '2026-05-03'",
     ),
     "decimal comma": (
         GOOD.replace(",", ";").replace(".", ","),
         {},
-        "line 2, column 'time': '0,00' is not a number (60 such cells). Allowed: numbers with a decimal point",
+        "line 2, column 'time': '0,00' is not a number, nor are '0,05', '0,10'",
     ),
     "decimal comma between commas": (
         GOOD.replace(".", ","),
@@ -73,7 +103,7 @@ FILES = {
     "comma for fields and decimals": (
         GOOD,
         {"decimal": ","},
-        "the fields are separated by ',' and decimals by ','. Allowed: one character, and not the same.",
+        "the fields are separated by ',' and decimals by ','. Allowed: one character, and not the same, or",
     ),
     "truncated line": (
         GOOD + "\n3.00,0.9",
@@ -139,7 +169,7 @@ FILES = {
     "unknown time unit": (
         GOOD,
         {"time_unit": "sec"},
-        "unknown time unit 'sec' (did you mean 's'?). Allowed: s, ms, us, min, h, iso.",
+        "unknown time unit 'sec' (did you mean 's'?). Allowed: s, ms, us, ns, ticks, min, h, d, iso.",
     ),
     "event outside": (GOOD, {"event_time": 7.0}, "event_time is 7 s. Allowed: 0 to 2.95 s."),
     "no quiet part": (

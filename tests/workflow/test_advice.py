@@ -17,7 +17,8 @@ from errorscreen.discovery import (
 )
 from errorscreen.models import DEVICES
 from errorscreen.simulators import PlantSimulator
-from errorscreen.workflow.advice import advice, doubts
+from errorscreen.workflow.advice import advice
+from errorscreen.workflow.suspect_readings import doubts
 from tests.report.samples import diagnosis
 
 UNKNOWN = Cause("unknown", "Unknown", "unknown", 0.1)

@@ -6,6 +6,7 @@ import pytest
 from errorscreen.cases import load_case
 from errorscreen.events import Playback
 from errorscreen.models.dyr import read_dyr
+from errorscreen.models.standard import PARTS
 from errorscreen.simulators import PlantSimulator
 from errorscreen.workflow import Study, run_study, write_outputs
 
@@ -93,3 +94,65 @@ def test_the_report_shows_the_difference(outcome, folder):
 def test_a_second_run_takes_the_correction_over(outcome, folder):
     again = run_study(Study.from_case(load_case(folder / "case.toml")), folder / "out")
     assert again.result.correction == outcome.result.correction
+
+
+PLANT = """201 'REGCA1' 1  {REGCA1} /
+201 'REECB1' 1  {REECB1} /   as built
+"""
+
+
+@pytest.fixture(scope="module")
+def of_flag(tmp_path_factory):
+    """Outcome for a converter whose file has another flag and another lag than the unit, and the folder."""
+    folder = tmp_path_factory.mktemp("plant")
+
+    def text(**changes):
+        values = {name: {**PARTS[name].typical} for name in ("REGCA1", "REECB1")}
+        for name, value in changes.items():
+            values[name.partition("__")[0]][name.partition("__")[2]] = value
+        return PLANT.format(**{k: " ".join(f"{v:g}" for v in row.values()) for k, row in values.items()})
+
+    (folder / "truth.dyr").write_text(text(REECB1__PQFLAG=1, REECB1__Kqv=3.0))
+    (folder / "unit.dyr").write_text(text(REECB1__PQFLAG=0))
+    listed = '[discovery]\neffects = ["REECB1.PQFLAG", "REECB1.PFFLAG", "lag_P"]\nfits = 2\nmax_effects = 1'
+    (folder / "case.toml").write_text(
+        CASE.replace(",\n  ", ", ").replace("[discovery]\nenabled = false", listed)
+    )
+    time = np.arange(0.0, 3.0, 0.01)
+    signals = {"V": 1.0 - 0.4 * ((time > 1.0) & (time < 1.15)), "angle": 0.0 * time}
+    event = Playback(time, "dip", 1.0, signals, {"V": 1.0, "P": 0.9, "Q": 0.1})
+    truth = PlantSimulator(read_dyr(folder / "truth.dyr").unit(), event, step=0.00125)
+    P, Q = truth.simulate(truth.parameters.nominal).require_ok().values[0]
+    rng = np.random.default_rng(5)
+    columns = [time, signals["V"], signals["angle"], P, Q]
+    columns[1:] = [one + rng.normal(0, 1e-4, len(time)) for one in columns[1:]]
+    np.savetxt(
+        folder / "event.csv", np.column_stack(columns), "%.7g", ",", header="t,V,angle,P,Q", comments=""
+    )
+    return run_study(Study.from_case(load_case(folder / "case.toml")), folder / "out"), folder
+
+
+def test_a_flag_that_is_named_is_changed_in_the_file(of_flag):
+    outcome, folder = of_flag
+    found = outcome.result
+    assert [effect.name for effect in found.diagnosis.extension] == ["REECB1.PQFLAG"]
+    assert "PQFLAG of REECB1 is 1, the file says 0" in found.diagnosis.final.text
+    flag, *others = found.correction.parameters
+    assert (flag.name, flag.value, flag.nominal) == ("REECB1.PQFLAG", 1.0, 0.0)
+    assert np.isnan(flag.low)
+    assert [one.name for one in others] == ["REECB1.Kqv"]
+    assert others[0].low < 3.0 < others[0].high
+    assert found.correction.chi2_per_sample < 1.5 < found.correction.before
+    written = write_outputs(outcome, folder / "out")[-1]
+    own = read_dyr(written).unit().constant_values()
+    assert own["REECB1.PQFLAG"] == 1
+    assert "as built" in written.read_text()
+
+
+def test_the_report_tells_the_flag_without_an_interval(of_flag):
+    outcome, folder = of_flag
+    report = write_outputs(outcome, folder / "out")[1].read_text(encoding="utf-8")
+    assert "The extension: PQFLAG of REECB1 is 1, the file says 0" in report
+    assert "What to change in the model file" in report
+    assert "Something unknown remains" not in report
+    assert "REECB1.PQFLAG.on" not in report

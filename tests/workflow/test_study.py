@@ -17,7 +17,7 @@ from errorscreen.cases.case_models import (
     ScreeningSection,
 )
 from errorscreen.cases.demo import demo_recordings
-from errorscreen.data.preparation import Doubt
+from errorscreen.data.plausibility import Doubt
 from errorscreen.exceptions import InputError
 from errorscreen.screening import RelativeThresholdSelector, TopKSelector
 from errorscreen.simulators import PlantSimulator

@@ -8,24 +8,30 @@ from typing import Any
 from errorscreen._runtime.registry import Registry
 from errorscreen.data.frames import Specs
 from errorscreen.data.readers.base import Reader
+from errorscreen.data.readers.comtrade import COMTRADE
 from errorscreen.data.readers.csv import CSV
+from errorscreen.data.readers.text import check_file, refuse_other_format
 from errorscreen.data.recordings import Recording
 from errorscreen.exceptions import InputError
 
 #: Formats that recordings are read from. The last one is asked first: text files are what is left.
-READERS: Registry[Reader] = Registry("format", "errorscreen.readers", Reader, {"csv": CSV})
+READERS: Registry[Reader] = Registry(
+    "format", "errorscreen.readers", Reader, {"csv": CSV, "comtrade": COMTRADE}
+)
 #: bytes that a format is recognised by
 _HEAD = 4096
 
 
-def read_recording(path: str | Path, columns: Specs, format: str | None = None, **options: Any) -> Recording:
+def read_recording(
+    path: str | Path, columns: Specs | None, format: str | None = None, **options: Any
+) -> Recording:
     """Read a recording from a file of any registered format.
 
     Parameters
     ----------
     path : path-like
-    columns : mapping
-        Source of each channel, see `from_frame`.
+    columns : mapping or None
+        Source of each channel, see `from_frame`. None for formats that say what their channels are.
     format : str, optional
         Name in `READERS`; recognised by content where not given.
     **options
@@ -36,18 +42,26 @@ def read_recording(path: str | Path, columns: Specs, format: str | None = None, 
     InputError
         If the format is unknown or not recognised, or the file cannot be used.
     """
-    return READERS[format or recognised(Path(path))].read(path, columns, **options)
+    reader = READERS[format or recognised(Path(path))]
+    if not columns and reader.needs_columns and "waveforms" not in options:
+        raise InputError(
+            "no column is mapped to a channel",
+            where=f"file {path}",
+            allowed="at least one",
+            remedy="Give columns, or waveforms of three phases",
+        )
+    return reader.read(path, columns, **options)
 
 
 def recognised(path: Path) -> str:
     """Name of the format of a file; `InputError` if no reader recognises it."""
-    head = b""
-    if path.is_file():
-        with path.open("rb") as file:
-            head = file.read(_HEAD)
+    check_file(path)
+    with path.open("rb") as file:
+        head = file.read(_HEAD)
     for name in reversed(list(READERS)):
         if (reader := READERS.usable(name)) is not None and reader.recognises(head):
             return name
+    refuse_other_format(head, path)
     raise InputError(
         "the format is not recognised",
         where=f"file {path}",

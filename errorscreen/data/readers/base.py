@@ -18,8 +18,11 @@ class Reader:
         ``recognises(head) -> bool``: whether a file that begins with these bytes has the format.
     read : callable
         ``read(path, columns, **options) -> Recording``: `columns` maps channels to `errorscreen.data.Column`; the
-        options are the other keys of [recording] in a case file, see `read_csv`.
+        options are the other keys of [recording] in a case file, as far as they are given there, see `read_csv`.
+    needs_columns : bool
+        Else `columns` may be None, because the files say what their channels are.
     """
 
     recognises: Callable[[bytes], bool]
     read: Callable[..., Recording]
+    needs_columns: bool = True

@@ -13,9 +13,15 @@ from errorscreen.data.observations import Observation
 from errorscreen.events import InputSignal, Playback
 from errorscreen.metrics import quiet_level, response_error, rms
 
-#: seconds after the fault until which a stage lasts; the end of the fault is read off the voltage
+#: seconds after the fault until which a stage lasts; the end of the fault is read off what is injected
 RECOVERY, OSCILLATION = 0.5, 3.0
 STAGES = ("before", "fault", "first recovery", "oscillation", "end")
+#: the same of events that are no disturbance of the grid, by `errorscreen.events.Playback.kind`
+TESTS = {
+    "step test": ("before", "step", "first response", "later response", "end"),
+    "open-circuit test": ("before", "step", "first response", "later response", "end"),
+    "load rejection": ("before", "rejection", "first response", "later response", "end"),
+}
 QUARTERS = ("before", "first quarter", "second quarter", "third quarter", "last quarter")
 
 
@@ -139,21 +145,24 @@ def channel_fits(observation: Observation, responses: ArrayLike) -> list[Channel
 
 
 def stage_names(observation: Observation) -> tuple[str, ...]:
-    """Names of the stages: `STAGES` of a disturbance in a grid, `QUARTERS` of the record of any other system."""
-    return QUARTERS if isinstance(observation.event, InputSignal) else STAGES
+    """Names of the stages: `STAGES` of a disturbance in a grid, `TESTS`, or `QUARTERS` of any other system's record."""
+    event = observation.event
+    if isinstance(event, Playback):
+        return TESTS.get(event.kind, STAGES)
+    return QUARTERS if isinstance(event, InputSignal) else STAGES
 
 
 def stage_limits(observation: Observation) -> NDArray[np.float64]:
-    """Instants (6,) in seconds between which the stages lie. The fault ends where the voltage has come back by half of
-    its largest deviation within the first second; without a voltage, or if it never comes back (a step), after 0.2 s.
+    """Instants (6,) in seconds between which the stages lie. The fault ends where the voltage, or the imposed power,
+    has come back by half of its largest deviation within the first second; otherwise (a step) after 0.2 s.
     """
     time, start = observation.time, observation.event.start
     if isinstance(observation.event, InputSignal):
         return np.r_[time[0], np.linspace(start, time[-1], len(QUARTERS))]
     end = start + 0.2
     if isinstance(observation.event, Playback):
-        voltage = observation.event.signals["V"]
-        deviation = np.abs(voltage - observation.event.initial["V"])
+        name = "P" if observation.event.by_power else "V"
+        deviation = np.abs(observation.event.signals[name] - observation.event.initial[name])
         near = (time >= start) & (time <= start + 1.0)
         if near.any():
             worst = np.flatnonzero(near)[np.argmax(deviation[near])]

@@ -188,7 +188,7 @@ def measure_gain(
         EventGain(o.event.name, *(float(np.sqrt(totals[k][e] / counts[e])) for k in range(3)))
         for e, o in enumerate(observations)
     )
-    more = [0 if m is None else len(m.parameters) - len(recalibrated.parameters) for m in (extended, placebo)]
+    more = [0 if m is None else len(m.movable) - len(recalibrated.movable) for m in (extended, placebo)]
     return Gain(rms[0], rms[1], rms[2], gain, (float(low), float(high)), level, other, events, *more)
 
 
@@ -217,8 +217,8 @@ def _placebo(
     wrong = [e for e in old.effects_named(None) if e.original not in right and not e.event_specific]
     if not wrong or not right:
         return None
-    own = len(extended.parameters) - len(old.parameters)
-    off = np.array([abs(len(effect.parameters) - own) for effect in wrong])
+    own = len(extended.movable) - len(old.movable)
+    off = np.array([abs(len(effect.fitted) - own) for effect in wrong])
     drawn = rng.permutation(np.flatnonzero(off == off.min()))[:_PLACEBOS]
     found = [_calibrated(old.extend(wrong[k]), fitted, rng) for k in drawn]
     best = min(found, key=lambda calibrator: calibrator.chi2_per_sample_)

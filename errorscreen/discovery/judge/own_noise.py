@@ -47,7 +47,7 @@ def refitted(
     observations = own_noise(hypothesis, hypothesis.simulator, measured)
     problem = FitProblem(hypothesis.simulator, observations, hypothesis.names)
     own = np.isin(hypothesis.names, [e.local(p.name) for e in hypothesis.effects for p in e.parameters])
-    rows = np.tile(hypothesis.u, (_DRAWS, 1))
+    rows = np.tile(hypothesis.u, (_DRAWS if own.any() else 1, 1))  # a switch has no values to draw
     shares = generator(random_state).random(rows.shape)
     rows[:, own] = spread_over(problem.space, 0, shares, hypothesis.effects)[:, own]
     rest = np.flatnonzero(~own)

@@ -16,8 +16,9 @@ from errorscreen.calibration.result import Estimate
 from errorscreen.calibration.search import BoundedSearch
 from errorscreen.data.observations import Observation
 from errorscreen.discovery.fits.hypotheses import PRIOR, Hypothesis
+from errorscreen.discovery.judge.acting import acting
 from errorscreen.discovery.judge.own_noise import refitted
-from errorscreen.discovery.judge.ranking import Cause, half_width, stamped
+from errorscreen.discovery.judge.ranking import Cause, NamedEffect, half_width, stamped, titles
 from errorscreen.discovery.starts.signatures import objectives
 
 #: causes that are less probable are not looked at closely
@@ -41,8 +42,9 @@ def with_profiles(
 ) -> tuple[list[Cause], list[Hypothesis], int]:
     r"""Causes with final values and profiled intervals of their parameters; their last fits; the number of simulations.
 
-    Probable causes are fitted once more with their own noise (`refitted`). Then each parameter is moved away from its
-    value while all others are fitted again inside their bounds, as long as
+    Probable causes are fitted once more with their own noise (`refitted`), and simulated without each of their effects
+    to tell when it acts. Then each parameter is moved away from its value while all others are fitted again inside
+    their bounds, as long as
 
     .. math:: F(\theta_j) \le F(\hat\theta) + w^2
 
@@ -52,11 +54,14 @@ def with_profiles(
     """
     fits, told, count = {h.name: h for h in hypotheses}, [], 0
     for cause in causes:
-        if cause.parameters and cause.probability >= _PROBABLE:
+        if cause.kind in ("effect", "measurement") and cause.probability >= _PROBABLE:
             fits[cause.name], others, used = refitted(fits[cause.name], measured, random_state)
-            parameters, more = _profiled(cause, fits[cause.name], others)
+            fit = fits[cause.name]
+            parameters, more = _profiled(cause, fit, others)
             cause = replace(cause, parameters=parameters)
-            count += used + more
+            named = tuple(NamedEffect.of(e, cause.values, acting(fit, e)) for e in fit.effects)
+            cause = replace(cause, effects=named, title=titles(named))
+            count += used + more + 2 * len(named) * len(fit.observations)
         told.append(cause)
     return told, list(fits.values()), count
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -11,6 +11,7 @@ import numpy as np
 from errorscreen._runtime.typed import Real
 from errorscreen.calibration.result import Estimate
 from errorscreen.discovery.fits.hypotheses import Hypothesis
+from errorscreen.discovery.judge.acting import Acting
 from errorscreen.discovery.judge.candidate_set import CandidateSet
 from errorscreen.effects.base import Effect
 from errorscreen.events import Playback
@@ -54,6 +55,10 @@ class NamedEffect:
     equation, explanation : str
     confused_with : tuple of str
         Causes of similar errors.
+    title : str
+        What it is, with what its fitted values mean.
+    acts : tuple of Acting
+        From when to when it acts in each recording; only told of probable causes.
     """
 
     name: str
@@ -63,13 +68,23 @@ class NamedEffect:
     equation: str = ""
     explanation: str = ""
     confused_with: tuple[str, ...] = ()
+    title: str = ""
+    acts: tuple[Acting, ...] = ()
 
     @classmethod
-    def of(cls, effect: Effect) -> NamedEffect:
-        """Words of an effect."""
+    def of(
+        cls,
+        effect: Effect,
+        values: Mapping[str, tuple[float, float, float]] | None = None,
+        acts: tuple[Acting, ...] = (),
+    ) -> NamedEffect:
+        """Words of an effect; fitted values, each with the ends of its interval, by full names."""
+        title = effect.title
+        if effect.reading is not None and values is not None:
+            title = effect.reading(title, {p.name: values[effect.local(p.name)] for p in effect.fitted})
         return cls(
             effect.name, effect.original, effect.recording, effect.place, effect.formula, effect.description,
-            effect.confused_with,
+            effect.confused_with, title, acts,
         )  # fmt: skip
 
 
@@ -226,18 +241,25 @@ def _explained(found: CandidateSet, hypothesis: Hypothesis) -> float:
 def _cause(found: CandidateSet, hypothesis: Hypothesis, probability: float, exact: bool = True) -> Cause:
     effects = hypothesis.effects
     kinds = {effect.kind for effect in effects}
+    estimates = tuple(estimate for e in effects for estimate in _estimates(hypothesis, e, exact))
+    named = tuple(NamedEffect.of(e, {p.name: (p.value, p.low, p.high) for p in estimates}) for e in effects)
     return Cause(
         hypothesis.name,
-        " and ".join(e.title for e in effects) or "Parameters of the model",
+        titles(named) or "Parameters of the model",
         "parameters" if not effects else "measurement" if kinds == {"measurement"} else "effect",
         probability,
         ", ".join(e.place for e in effects),
-        tuple(estimate for e in effects for estimate in _estimates(hypothesis, e, exact)),
+        estimates,
         _explained(found, hypothesis),
         exact,
         bool(effects) and all(effect.event_specific and effect.recording for effect in effects),
-        effects=tuple(NamedEffect.of(effect) for effect in effects),
+        effects=named,
     )
+
+
+def titles(effects: Iterable[NamedEffect]) -> str:
+    """Titles of effects in one."""
+    return " and ".join(effect.title for effect in effects)
 
 
 def _estimates(hypothesis: Hypothesis, effect: Effect, exact: bool) -> Iterator[Estimate]:

@@ -67,11 +67,12 @@ class SignatureSearch:
         self.effect, self._points = effect, points
         self.problem = FitProblem(simulator.extend(effect), observations)
         self._take_step(step)
-        self._k = len(simulator.parameters)
+        self._k = len(simulator.movable)
         d = len(self.problem.space) - self._k
         self._unit = ParameterSpace(Parameter(f"p{i}", 0.5, 0.0, 1.0) for i in range(d))
         self._rng = generator(random_state)
-        self._n_draws = min(n_draws, _DRAWS_PER_SQUARE * d**2)  # one or two parameters need fewer
+        # one or two parameters need fewer; a switch is on, and has none
+        self._n_draws = min(n_draws, max(1, _DRAWS_PER_SQUARE * d**2))
 
     def _take_step(self, step: float | None) -> None:
         """Start again with this step."""
@@ -106,10 +107,14 @@ class SignatureSearch:
 
     def _drawn(self, best: Sequence[tuple[float, _Array, _Array]]) -> _Array:
         if not best:
-            return latin_hypercube(self._unit, self._n_draws * self.effect.minima, self._rng)
+            return self._shares(self._n_draws * self.effect.minima, self._rng)
         parents = np.array([x for _, x, _ in best])[self._rng.integers(len(best), size=self._n_draws)]
         spread = SPREADS[self._round - 1]
         return np.asarray(np.clip(parents + spread * self._rng.standard_normal(parents.shape), 0.0, 1.0))
+
+    def _shares(self, n: int, random_state: Any) -> _Array:
+        """Shares (n, d) of the ranges; of a switch there is one row without any."""
+        return latin_hypercube(self._unit, n, random_state) if len(self._unit) else np.zeros((1, 0))
 
     def _estimated(self, u: _Array, J: _Array) -> _Array:
         """Shares (n, 1) of the range of a strength by the linear model, on each side of 0."""
@@ -148,12 +153,12 @@ class SignatureSearch:
 
     def nominal_starts(self, n: int, random_state: Any) -> _Array:
         """Starts (n, k + d) at the nominal parameters: the most promising draw of the effect, and others at random."""
-        shares = latin_hypercube(self._unit, n, generator(random_state))
+        shares = self._shares(n, generator(random_state))
         known = [best[0] for best in self._best if best]
         if known:
             shares[0] = min(known, key=lambda item: item[0])[1]
         own = spread_over(self.problem.space, self._k, shares, [self.effect])
-        return np.hstack([np.zeros((n, self._k)), own])
+        return np.hstack([np.zeros((len(own), self._k)), own])
 
     def packed(self) -> dict[str, NDArray[np.generic]]:
         """State from which another search of the same effect can continue."""

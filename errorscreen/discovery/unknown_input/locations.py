@@ -142,7 +142,7 @@ def rank_input_locations(base: Hypothesis, journal: Journal | None = None) -> tu
         for signal in signals:
             simulator = simulator.extend(signal)
         fixed = {signal.local(name) for signal in signals for name in (signal.strength.name, *PULSE)}
-        names = [name for name in simulator.parameters.names if name not in fixed]
+        names = [name for name in simulator.movable if name not in fixed]
         problems[signals] = FitProblem(simulator, base.observations, names)
         # also from nominal: fitted parameters have made up for the input, and lead to a local minimum
         starts = np.zeros((2, len(names)))
@@ -215,7 +215,7 @@ def _quantities(base: Hypothesis) -> dict[str, dict[str, _Array]]:
     if isinstance(event, InputSignal):
         signals |= event.signals
     if isinstance(event, Playback):
-        signals["V"] = event.signals["V"]
+        signals |= {name: event.signals[name] for name in (("P", "Q") if event.by_power else ("V",))}
         if "angle" in event.signals:
             signals["frequency"] = np.gradient(event.signals["angle"], time)
     devices = {effect.device for effect in base.simulator.effects if effect.kind == "latent"}

@@ -2,7 +2,7 @@ r"""GAST, gas turbine with governor.
 
 .. math::
 
-    u &= \min\big(P_{ref} - \Delta\omega/R,\ A_T + K_T (A_T - x_3)\big)                             & (1)\\
+    u &= \min\big(P_{ref} - (\omega - \omega_{ref})/R,\ A_T + K_T (A_T - x_3)\big)                             & (1)\\
     T_1\,\dot x_1 &= u - x_1,\quad V_{MIN} \le x_1 \le V_{MAX}\ \text{(non-windup)}                     & (2)\\
     T_2\,\dot x_2 &= x_1 - x_2,\quad T_3\,\dot x_3 = x_2 - x_3                                      & (3)\\
     P_m &= x_2 - D_{turb}\,\Delta\omega                                                        & (4)
@@ -38,15 +38,14 @@ FIELDS = record(
 
 @stage("Pm", "d_x1", "d_x2", "d_x3")
 def gast(
-    omega: Any, x1: Any, x2: Any, x3: Any, Pref: Any, limit: Any, low: Any, high: Any, R: Any, T1: Any, T2: Any,
-    T3: Any, KT: Any, Dturb: Any, shortest: Any,
+    omega: Any, x1: Any, x2: Any, x3: Any, Pref: Any, wref: Any, limit: Any, low: Any, high: Any, R: Any, T1: Any,
+    T2: Any, T3: Any, KT: Any, Dturb: Any, shortest: Any,
 ) -> Any:  # fmt: skip
     """Mechanical power and derivatives, (1) to (4)."""
-    speed = omega - 1.0
-    wanted, allowed = Pref - speed / R, limit + KT * (limit - x3)
+    wanted, allowed = Pref - (omega - wref) / R, limit + KT * (limit - x3)
     valve, d_x1 = limited_lag(x1, select(wanted < allowed, wanted, allowed), T1, low, high, shortest)
     power, d_x2 = lag(x2, valve, T2, shortest)
-    return power - Dturb * speed, d_x1, d_x2, (power - x3) / longer(T3, shortest)
+    return power - Dturb * (omega - 1.0), d_x1, d_x2, (power - x3) / longer(T3, shortest)
 
 
 def start(v: Values) -> Start:
@@ -55,7 +54,7 @@ def start(v: Values) -> Start:
     low, high = holding(P, v["VMIN"], v["VMAX"])
     return Start(
         {"x1": P, "x2": P, "x3": P},
-        {"Pref": P, "limit": np.maximum(v["AT"], P), "low": low, "high": high},
+        {"Pref": P, "wref": 0.0 * P + 1.0, "limit": np.maximum(v["AT"], P), "low": low, "high": high},
         (
             Limit("valve", P, v["VMIN"], v["VMAX"], ("VMIN", "VMAX")),
             Limit("load", P, -np.inf, v["AT"], ("", "AT")),
@@ -71,7 +70,7 @@ GAST = Part(
     stages=(gast,),
     ports=("Pm",),
     states=("x1", "x2", "x3"),
-    setpoints=("Pref", "limit", "low", "high"),
+    setpoints=("Pref", "wref", "limit", "low", "high"),
     start=start,
     rules=("VMIN < VMAX",),
     formula="Pm = min(Pref − Δω / R, AT + KT (AT − x3)) / (1 + s T1) / (1 + s T2) − Dturb Δω",

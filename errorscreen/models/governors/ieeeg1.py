@@ -2,7 +2,7 @@ r"""IEEEG1, steam turbine with up to four stages and governor.
 
 .. math::
 
-    T_1\,\dot x &= K\Delta\omega - x,\quad y = x + (T_2/T_1)(K\Delta\omega - x)                     & (1)\\
+    T_1\,\dot x &= K e - x,\quad y = x + (T_2/T_1)(K e - x),\quad e = \omega - \omega_{ref}           & (1)\\
     \dot v &= (P_{ref} - y - v) / T_3,\quad U_C \le \dot v \le U_O,\
     P_{MIN} \le v \le P_{MAX}\ \text{(non-windup)}                                                & (2)\\
     T_4\,\dot y_4 &= v - y_4,\quad T_5\,\dot y_5 = y_4 - y_5,\quad T_6\,\dot y_6 = y_5 - y_6,\quad
@@ -57,12 +57,12 @@ FIELDS = record(
 
 @stage("Pm", "d_x", "d_v", "d_y4", "d_y5", "d_y6", "d_y7")
 def ieeeg1(
-    omega: Any, x: Any, v: Any, y4: Any, y5: Any, y6: Any, y7: Any, Pref: Any, low: Any, high: Any, K: Any, T1: Any,
-    T2: Any, T3: Any, UO: Any, UC: Any, T4: Any, K1: Any, T5: Any, K3: Any, T6: Any, K5: Any, T7: Any, K7: Any,
+    omega: Any, x: Any, v: Any, y4: Any, y5: Any, y6: Any, y7: Any, Pref: Any, wref: Any, low: Any, high: Any, K: Any,
+    T1: Any, T2: Any, T3: Any, UO: Any, UC: Any, T4: Any, K1: Any, T5: Any, K3: Any, T6: Any, K5: Any, T7: Any, K7: Any,
     shortest: Any,
 ) -> Any:  # fmt: skip
     """Mechanical power and derivatives, (1) to (4)."""
-    y, d_x = lead_lag(x, K * (omega - 1.0), T2, T1, shortest)
+    y, d_x = lead_lag(x, K * (omega - wref), T2, T1, shortest)
     valve = clip(v, low, high)
     velocity = clip((Pref - y - valve) / longer(T3, shortest), UC, UO)
     first, d_y4 = lag(y4, valve, T4, shortest)
@@ -80,7 +80,7 @@ def start(v: Values) -> Start:
     low, high = holding(P, v["PMIN"], v["PMAX"])
     return Start(
         {"x": 0.0 * P, "v": P, "y4": P, "y5": P, "y6": P, "y7": P},
-        {"Pref": P, "low": low, "high": high},
+        {"Pref": P, "wref": 0.0 * P + 1.0, "low": low, "high": high},
         (Limit("valve", P, v["PMIN"], v["PMAX"], ("PMIN", "PMAX")),),
     )
 
@@ -93,7 +93,7 @@ IEEEG1 = Part(
     stages=(ieeeg1,),
     ports=("Pm",),
     states=("x", "v", "y4", "y5", "y6", "y7"),
-    setpoints=("Pref", "low", "high"),
+    setpoints=("Pref", "wref", "low", "high"),
     start=start,
     rules=("PMIN < PMAX", "UC < UO", "T2 needs T1"),
     formula="v = ∫ [(Pref − K (1 + s T2) / (1 + s T1) Δω − v) / T3] dt; Pm = Σ shares of v behind T4, T5, T6, T7",

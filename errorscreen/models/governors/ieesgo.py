@@ -2,8 +2,8 @@ r"""IEESGO, steam turbine with governor, standard model of the IEEE.
 
 .. math::
 
-    T_1\,\dot x_1 &= K_1\Delta\omega - x_1,\quad y_1 = x_1 + (T_2/T_1)(K_1\Delta\omega - x_1),\quad
-    T_3\,\dot x_3 = y_1 - x_3                                                                 & (1)\\
+    T_1\,\dot x_1 &= K_1 e - x_1,\quad y_1 = x_1 + (T_2/T_1)(K_1 e - x_1),\quad
+    T_3\,\dot x_3 = y_1 - x_3,\quad e = \omega - \omega_{ref}                                   & (1)\\
     T_4\,\dot y_4 &= u - y_4,\quad u = P_{ref} - x_3,\quad P_{MIN} \le u \le P_{MAX}                   & (2)\\
     T_5\,\dot y_5 &= y_4 - y_5,\quad T_6\,\dot y_6 = y_5 - y_6                                      & (3)\\
     P_m &= (1 - K_2) y_4 + K_2 (1 - K_3) y_5 + K_2 K_3 y_6                                     & (4)
@@ -39,11 +39,11 @@ FIELDS = record(
 
 @stage("Pm", "d_x1", "d_x3", "d_y4", "d_y5", "d_y6")
 def ieesgo(
-    omega: Any, x1: Any, x3: Any, y4: Any, y5: Any, y6: Any, Pref: Any, low: Any, high: Any, T1: Any, T2: Any,
-    T3: Any, T4: Any, T5: Any, T6: Any, K1: Any, K2: Any, K3: Any, shortest: Any,
+    omega: Any, x1: Any, x3: Any, y4: Any, y5: Any, y6: Any, Pref: Any, wref: Any, low: Any, high: Any, T1: Any,
+    T2: Any, T3: Any, T4: Any, T5: Any, T6: Any, K1: Any, K2: Any, K3: Any, shortest: Any,
 ) -> Any:  # fmt: skip
     """Mechanical power and derivatives, (1) to (4)."""
-    led, d_x1 = lead_lag(x1, K1 * (omega - 1.0), T2, T1, shortest)
+    led, d_x1 = lead_lag(x1, K1 * (omega - wref), T2, T1, shortest)
     action, d_x3 = lag(x3, led, T3, shortest)
     first, d_y4 = lag(y4, clip(Pref - action, low, high), T4, shortest)
     second, d_y5 = lag(y5, first, T5, shortest)
@@ -58,7 +58,7 @@ def start(v: Values) -> Start:
     low, high = holding(P, v["PMIN"], v["PMAX"])
     return Start(
         {"x1": 0.0 * P, "x3": 0.0 * P, "y4": P, "y5": P, "y6": P},
-        {"Pref": P, "low": low, "high": high},
+        {"Pref": P, "wref": 0.0 * P + 1.0, "low": low, "high": high},
         (Limit("power", P, v["PMIN"], v["PMAX"], ("PMIN", "PMAX")),),
     )
 
@@ -71,7 +71,7 @@ IEESGO = Part(
     stages=(ieesgo,),
     ports=("Pm",),
     states=("x1", "x3", "y4", "y5", "y6"),
-    setpoints=("Pref", "low", "high"),
+    setpoints=("Pref", "wref", "low", "high"),
     start=start,
     rules=("PMIN < PMAX", "T2 needs T1"),
     formula="u = Pref − K1 (1 + s T2) / ((1 + s T1) (1 + s T3)) Δω; Pm = shares of u behind T4, T5, T6",

@@ -2,7 +2,7 @@ r"""TGOV1, steam turbine with governor.
 
 .. math::
 
-    T_1\,\dot g &= (P_{ref} - \Delta\omega)/R - g,\quad V_{MIN} \le g \le V_{MAX}\ \text{(non-windup)}   & (1)\\
+    T_1\,\dot g &= P_{ref} - (\omega - \omega_{ref})/R - g,\quad V_{MIN} \le g \le V_{MAX}\ \text{(non-windup)}  & (1)\\
     T_3\,\dot x &= g - x,\quad y = x + (T_2/T_3)(g - x)                                       & (2)\\
     P_m &= y - D_t\,\Delta\omega                                                           & (3)
 
@@ -36,6 +36,7 @@ def tgov1(
     g: Any,
     x: Any,
     Pref: Any,
+    wref: Any,
     low: Any,
     high: Any,
     R: Any,
@@ -47,7 +48,7 @@ def tgov1(
 ) -> Any:
     """Mechanical power and derivatives, (1) to (3)."""
     speed = omega - 1.0
-    gate, d_g = limited_lag(g, Pref - speed / R, T1, low, high, shortest)
+    gate, d_g = limited_lag(g, Pref - (omega - wref) / R, T1, low, high, shortest)
     y, d_x = lead_lag(x, gate, T2, T3, shortest)
     return y - Dt * speed, d_g, d_x
 
@@ -58,7 +59,7 @@ def start(v: Values) -> Start:
     low, high = holding(P, v["VMIN"], v["VMAX"])
     return Start(
         {"g": P, "x": P},
-        {"Pref": P, "low": low, "high": high},  # the reference already divided by R
+        {"Pref": P, "wref": 0.0 * P + 1.0, "low": low, "high": high},  # the reference already divided by R
         (Limit("valve", P, v["VMIN"], v["VMAX"], ("VMIN", "VMAX")),),
     )
 
@@ -71,7 +72,7 @@ TGOV1 = Part(
     stages=(tgov1,),
     ports=("Pm",),
     states=("g", "x"),
-    setpoints=("Pref", "low", "high"),
+    setpoints=("Pref", "wref", "low", "high"),
     start=start,
     rules=("VMIN < VMAX", "T2 needs T3"),
     formula="Pm = (1 + s T2) / (1 + s T3) · [(Pref − Δω) / R / (1 + s T1)] within VMIN, VMAX − Dt Δω",

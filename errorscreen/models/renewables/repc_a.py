@@ -6,7 +6,7 @@ r"""REPCA1, control of a plant (WECC REPC_A).
     T_{fltr}\,\dot y_f = y - y_f                                                                    & (1)\\
     e &= \big[\mathrm{db}(y_{ref} - y_f)\big]_{emin}^{emax},\quad
     Q_{ext} = \frac{1 + sT_{ft}}{1 + sT_{fv}}\,\Big[\Big(K_p + \frac{K_i}{s}\Big) e\Big]_{Qmin}^{Qmax}     & (2)\\
-    p &= [D_{dn} u]^- + [D_{up} u]^+,\quad u = \mathrm{db}(-\Delta f)                            & (3)\\
+    p &= [D_{dn} u]^- + [D_{up} u]^+,\quad u = \mathrm{db}(f_{ref} - \Delta f)                            & (3)\\
     P_{ref} &= \frac{1}{1 + sT_g}\Big[\Big(K_{pg} + \frac{K_{ig}}{s}\Big)
         \big[P_{plant} - P_f + p\big]_{femin}^{femax}\Big]_{Pmin}^{Pmax},\quad T_p\,\dot P_f = P - P_f  & (4)
 
@@ -97,14 +97,14 @@ def reactive(
 
 @stage("Pref", "d_xr", "d_xi", "d_Pf", "d_xp", "d_xg")
 def active(
-    Vr: Any, Vi: Any, P: Any, xr: Any, xi: Any, Pf: Any, xp: Any, xg: Any, Pref0: Any, Pplant: Any, lowP: Any,
-    highP: Any, Fflag: Any, Kpg: Any, Kig: Any, Tp: Any, fdbd1: Any, fdbd2: Any, femax: Any, femin: Any, Tg: Any,
-    Ddn: Any, Dup: Any, f0: Any, shortest: Any,
+    Vr: Any, Vi: Any, P: Any, xr: Any, xi: Any, Pf: Any, xp: Any, xg: Any, Pref0: Any, Pplant: Any, fref: Any,
+    lowP: Any, highP: Any, Fflag: Any, Kpg: Any, Kig: Any, Tp: Any, fdbd1: Any, fdbd2: Any, femax: Any, femin: Any,
+    Tg: Any, Ddn: Any, Dup: Any, f0: Any, shortest: Any,
 ) -> Any:  # fmt: skip
     """Control of frequency and power, (3), (4)."""
     df, _, d_xr, d_xi = measured_voltage(xr, xi, Vr, Vi, f0, shortest)
     Pm, d_Pf = lag(Pf, P, Tp, shortest)
-    u = dead_band_between(-df, fdbd1, fdbd2)
+    u = dead_band_between(fref - df, fdbd1, fdbd2)
     droop = select(u < 0.0, Ddn * u, Dup * u)
     order, d_xp = limited_pi(xp, clip(Pplant - Pm + droop, femin, femax), Kpg, Kig, lowP, highP)
     y, d_xg = lag(xg, order, Tg, shortest)
@@ -120,7 +120,15 @@ def start(v: Values) -> Start:
     lowP, highP = holding(P, v["Pmin"], v["Pmax"])
     return Start(
         {"yf": y, "xq": Q, "xl": Q, "xr": v["Vr"], "xi": v["Vi"], "Pf": v["P"], "xp": P, "xg": P},
-        {"yref": y, "Pplant": v["P"], "lowQ": lowQ, "highQ": highQ, "lowP": lowP, "highP": highP},
+        {
+            "yref": y,
+            "Pplant": v["P"],
+            "fref": 0.0 * v["P"],
+            "lowQ": lowQ,
+            "highQ": highQ,
+            "lowP": lowP,
+            "highP": highP,
+        },
         (
             Limit("reactive order", Q, v["Qmin"], v["Qmax"], ("Qmin", "Qmax")),
             Limit("power", np.where(v["Fflag"] == 1, P, v["Pmin"]), v["Pmin"], v["Pmax"], ("Pmin", "Pmax")),
@@ -136,7 +144,7 @@ REPCA1 = Part(
     stages=(reactive, active),
     ports=("Qext", "Pref"),
     states=("yf", "xq", "xl", "xr", "xi", "Pf", "xp", "xg"),
-    setpoints=("yref", "Pplant", "lowQ", "highQ", "lowP", "highP"),
+    setpoints=("yref", "Pplant", "fref", "lowQ", "highQ", "lowP", "highP"),
     start=start,
     rules=("Qmin <= Qmax", "Pmin <= Pmax", "Tft needs Tfv"),
     formula="(1) to (4)",

@@ -10,6 +10,7 @@ from scipy.interpolate import PchipInterpolator
 
 from errorscreen.events import Playback
 from errorscreen.exceptions import InputError
+from errorscreen.models.device import Device
 
 #: lowest voltage in pu at which P and Q give the current
 _DEAD = 0.02
@@ -29,31 +30,34 @@ def check_impedance(impedance: complex) -> complex:
     return value
 
 
-def driving_voltage(
+def driving_signals(
     event: Playback,
     every: int,
-    needs_angle: bool,
+    device: Device,
     impedance: complex,
     interpolation: str,
     jump: tuple[int, int, bool] | None = None,
-    *,
-    inputs: tuple[str, ...] = (),
 ) -> NDArray[np.float64]:
     """Real and imaginary part of the driving voltage at every half step, shape (2 * n_steps + 1, 2 + n_inputs).
 
-    Further columns are the deviations of recorded `inputs` from their values before the event.
+    Of a device that power drives (`Device.imposed`), P and Q. Further columns are the deviations of recorded inputs
+    (`Device.driven`) from their values before the event.
 
     Magnitude and angle are interpolated, not the components, so a turning phasor keeps its length. Monotone cubics
     (F. N. Fritsch and J. Butland, SIAM J. Sci. Stat. Comput. 5, 1984) do not overshoot at a step. With a `jump`, (first
     sample, last sample, early), all signals jump just after the first sample, or just before the last.
     """
-    needed = ("V", *(("angle",) if needs_angle else ()), *(("P", "Q") if impedance else ()), *inputs)
+    inputs, by_power = tuple(device.driven), device.imposed != Device.imposed
+    if by_power:
+        needed = used = ("P", "Q", *inputs)
+    else:
+        more = (*(("P", "Q") if impedance else ()), *inputs)
+        needed, used = ("V", *(("angle",) if device.needs_angle else ()), *more), ("V", "angle", *more)
     if not set(needed) <= set(event.signals):
         raise InputError(
             f"the event {event.name!r} has the signals {', '.join(event.signals) or 'none'}",
             allowed=f"{', '.join(needed)} for this device" + (" behind an impedance" if impedance else ""),
         )
-    used = ("V", "angle", *(("P", "Q") if impedance else ()), *inputs)
     used = tuple(name for name in used if name in event.signals)
     samples = np.arange(len(event.time))
     position = np.arange(2 * every * samples[-1] + 1) / (2 * every)
@@ -66,6 +70,9 @@ def driving_voltage(
         first, last, early = jump
         found[:, (position > first) & (position < last)] = values[:, [last if early else first]]
     signals = dict(zip(used, found, strict=True))
+    further = [signals[name] - event.initial[name] for name in inputs]
+    if by_power:
+        return np.column_stack([signals["P"], signals["Q"], *further])
     V = signals["V"] * (np.exp(1j * signals["angle"]) if "angle" in signals else 1.0 + 0j)
     if impedance:
         if np.abs(V).min() < _DEAD:
@@ -77,4 +84,4 @@ def driving_voltage(
                 remedy="Leave the impedance out: the plant does not move a short-circuited voltage",
             )
         V = V - impedance * np.conj((signals["P"] + 1j * signals["Q"]) / V)
-    return np.column_stack([V.real, V.imag, *(signals[name] - event.initial[name] for name in inputs)])
+    return np.column_stack([V.real, V.imag, *further])

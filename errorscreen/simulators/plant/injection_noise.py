@@ -182,11 +182,14 @@ def _modes(
     length = len(event.time)
     width = max(1, round(_BLOCK / event.dt), -(-length // _MOST_BLOCKS))
 
+    # imposed power holds no speed, so that the coarser step alone lets the frequency drift
+    coarse = changed(event, step=2 * step) if event.by_power else 0.0
+
     def after(name: str, shape: _Array, sigma: float, first: int) -> _Array:
         block = np.zeros(length)
         block[first : first + width] = 1.0
         moved = np.convolve(block, shape)[:length] * sigma / np.sqrt(width)
-        change = changed(_moved(event, name, moved), step=2 * step)
+        change = changed(_moved(event, name, moved), step=2 * step) - coarse
         change[:, : first + width + 2] = 0.0
         return change
 
@@ -249,4 +252,12 @@ def _jumps(event: Playback, inputs: _Inputs) -> list[tuple[int, int]]:
 
 
 def _moved(event: Playback, name: str, change: _Array) -> Playback:
-    return replace(event, signals={**event.signals, name: event.signals[name] + change})
+    """Event with a changed signal. Imposed power holds no speed, so that an error of its level before the event makes
+    the speed drift: there the level that the unit starts from changes as well.
+    """
+    moved = replace(event, signals={**event.signals, name: event.signals[name] + change})
+    if not event.by_power or name not in ("P", "Q"):
+        return moved
+    quiet = event.time < event.start - 2.5 * event.dt
+    level = event.initial[name] + (float(change[quiet].mean()) if quiet.any() else 0.0)
+    return replace(moved, initial={**event.initial, name: level})

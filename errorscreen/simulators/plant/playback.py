@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen.data import resampling
+from errorscreen.data.channels import ROLE_UNITS
 from errorscreen.data.observations import Observation
-from errorscreen.data.preparation import Doubt
+from errorscreen.data.plausibility import Doubt
 from errorscreen.data.recordings import Recording
 from errorscreen.data.signals import scatter
-from errorscreen.events import Playback, SetPointStep
+from errorscreen.events import IDLE, Playback, SetPointStep
 from errorscreen.exceptions import DataWarning, InputError
 from errorscreen.simulators.plant.terminal_angle import NO_ANGLE, AngleSource, angle_behind, noise_of_angle
 
@@ -21,6 +22,9 @@ from errorscreen.simulators.plant.terminal_angle import NO_ANGLE, AngleSource, a
 LEAST_P, MOST_P = 0.01, 2.0
 #: Q of at least this (pu) and this part of P is a power factor below 0.55, which no plant has for long
 LARGE_Q, Q_OVER_P = 0.3, 1.5
+#: a change of imposed power between two samples that is larger than those beside it by so many pu is a jump, and f is
+#: not compared within so many s of it: five filters of `errorscreen.models.measured_voltage`
+JUMP, APART_FROM_JUMP = 0.02, 0.1
 #: levels of a recorded input and of the model are told apart by more than this part of at least so many pu
 APART, _SMALL = 0.05, 0.1
 
@@ -34,38 +38,46 @@ def playback_observation(
     grid_impedance: complex = 0.0,
     operating_point: Mapping[str, float] | None = None,
     driven: Mapping[str, tuple[str, ...]] | None = None,
+    imposed: str = "voltage",
     angle_source: AngleSource = NO_ANGLE,
 ) -> Observation:
-    r"""Voltage to inject and channels to compare with, on one uniform grid.
+    r"""Signals to inject and channels to compare with, on one uniform grid.
 
     The device starts at an equilibrium, so the angle is taken in a frame that rotates at the mean pre-event frequency:
     the straight line through its quiet part is removed. Where only the frequency was recorded, the angle is its
     integral, :math:`\theta = 2\pi\int (f - f_{pre})\,dt`; without both, `angle_source` gives it. Short gaps of the
     voltage are interpolated, longer ones (`errorscreen.data.resampling.SHORT_GAP`) only before the event, and nothing
     is compared there. With an impedance, the recorded P and Q are injected as well, and so are the quantities that
-    drive the device (`Device.driven`).
+    drive the device (`Device.driven`). Where power is `imposed`, P and Q are injected alone, and the unit starts at the
+    mean voltage and frequency before the event.
     """
+    by_power = imposed == "power"
     where = f"recording {recording.name!r}"
     if "V" not in recording.channels:
         raise InputError(
             "the magnitude of the terminal voltage was not recorded",
             where=where,
             allowed="a channel V",
-            remedy="Plant playback injects the recorded voltage, so map a column to V",
+            remedy="Plant playback injects the recorded voltage, so map a column to V"
+            if not by_power
+            else "The unit starts at this voltage, so map a column to V",
         )
     source = recording.resample(dt)
     time = source.time
     notes = list(source.assumptions)
     quiet = (time >= source.quiet[0]) & (time <= source.quiet[1])
     unknown = np.zeros(len(time), dtype=bool)
-    signals = {"V": _filled(source, "V", unknown, notes)}
-    power = ["P", "Q"] if grid_impedance else []
+    signals = {} if by_power else {"V": _filled(source, "V", unknown, notes)}
+    power = ["P", "Q"] if grid_impedance or by_power else []
     # behind an impedance a recorded angle counts for every device, as a phase-locked loop follows it
-    needs_angle = needs_angle or bool(power and {"angle", "f"} & set(source.channels))
+    needs_angle = needs_angle or bool(grid_impedance and {"angle", "f"} & set(source.channels))
     of_angle: dict[str, float] = {}
     if needs_angle:
         signals["angle"], of_angle = _angle(source, quiet, unknown, notes, where, angle_source)
-    if power:
+    if by_power:
+        signals = _power(source, unknown, notes, where, "voltage that belongs to it", 'imposed = "power"')
+        notes.append("The recorded P and Q are imposed on the unit; its voltage and frequency are compared.")
+    elif grid_impedance:
         signals |= _power(source, unknown, notes, where)
         notes.append(
             "The plant moves its own voltage: it is driven by the voltage behind the grid's impedance of "
@@ -74,7 +86,7 @@ def playback_observation(
     driven = driven or {}
     signals |= {name: _driving(source, name, unknown, notes, where) for name in driven}
     given = {**source.given, **(operating_point or {})}
-    initial = source.initial(["V", *driven])
+    initial = source.initial(["V", *(["f"] if by_power and "f" in source.channels else []), *driven])
     notes += [_said_of(name, replaced, initial[name]) for name, replaced in driven.items()]
     for name in ("P", "Q"):
         measured = name in source.channels and np.isfinite(source.channels[name].values[quiet]).any()
@@ -92,7 +104,8 @@ def playback_observation(
                 where=where,
                 remedy=f"Give it as operating point, for example {name} = 0.5 (pu)",
             )
-    notes += _warn_implausible(initial["P"], initial["Q"], where)
+    if not (by_power and np.hypot(initial["P"], initial["Q"]) < IDLE):
+        notes += _warn_implausible(initial["P"], initial["Q"], where)
     notes += [_told(one, source, where) for one in source.steps]
     values = np.full((len(channels), len(time)), np.nan)
     noise = np.ones(len(channels))
@@ -101,13 +114,22 @@ def playback_observation(
             values[r] = source.channels[name].values
             noise[r] = source.channels[name].noise
     values[:, unknown] = np.nan
-    injected = {"V": float(source.channels["V"].noise), **of_angle}
+    if by_power and "f" in channels and (near := _near_jumps(time, signals)).any():
+        values[channels.index("f"), near] = np.nan
+        notes.append(
+            f"f is not compared within {APART_FROM_JUMP:g} s of a jump of P or Q: the angle of the voltage jumps as "
+            "well, and f is what the filter of the meter makes of it."
+        )
+    injected = {} if by_power else {"V": float(source.channels["V"].noise), **of_angle}
     injected |= {name: float(source.channels[name].noise) for name in driven}
     injected |= {name: _scatter(source, name, quiet) for name in power}
     used = {"V", *of_angle, *power, *driven, *channels} & set(source.channels)
     age = max(source.channels[name].age for name in used)
     event = Playback(time, source.name, source.event_time, signals, initial, injected, age, source.steps)
-    return Observation(event, values, noise, channels, ("pu",) * len(channels), tuple(notes))
+    if event.kind != "disturbance":
+        notes.append(f"The event counts as {event.kind}.")
+    units = tuple(ROLE_UNITS.get(name, "pu") for name in channels)
+    return Observation(event, values, noise, channels, units, tuple(notes))
 
 
 def input_noise(event: Playback) -> dict[str, tuple[NDArray[np.float64], float]]:
@@ -157,7 +179,7 @@ def _doubted(notes: list[str], where: str) -> list[str]:
 
 
 def _filled(
-    recording: Recording, name: str, unknown: NDArray[np.bool_], notes: list[str]
+    recording: Recording, name: str, unknown: NDArray[np.bool_], notes: list[str], key: str = ""
 ) -> NDArray[np.float64]:
     """Channel without gaps, as an injected signal must be; long gaps are marked in `unknown`."""
     time, values = recording.time, recording.channels[name].values
@@ -177,7 +199,7 @@ def _filled(
                 where=f"recording {recording.name!r}",
                 allowed=f"gaps of at most {resampling.SHORT_GAP * usual:.3g} s from the event on",
                 remedy="End the window before the gap (t_end), or use another recording"
-                + (", or leave the grid's impedance out" if name in ("P", "Q") else "")
+                + (f", or leave {key} out" if key else "")
                 + (f", or leave {name} out of inputs" if name in ("Efd", "Pm") else ""),
             )
         unknown[first : last + 1] = True
@@ -229,6 +251,16 @@ def _said_of(name: str, replaced: tuple[str, ...], level: float) -> str:
     )
 
 
+def _near_jumps(time: NDArray[np.float64], signals: Mapping[str, NDArray[np.float64]]) -> NDArray[np.bool_]:
+    """Samples (L,) beside a jump of the imposed power."""
+    change = np.abs(np.diff(signals["P"] + 1j * signals["Q"]))
+    beside = np.maximum(np.r_[0.0, change[:-1]], np.r_[change[1:], 0.0])
+    near = np.zeros(len(time), dtype=bool)
+    for k in np.flatnonzero(change - beside > JUMP):
+        near |= (time > time[k] - APART_FROM_JUMP) & (time < time[k + 1] + APART_FROM_JUMP)
+    return near
+
+
 def _scatter(recording: Recording, name: str, quiet: NDArray[np.bool_]) -> float:
     """Noise of P or Q that moves what follows from it: a given noise may cover more than scatter."""
     channel = recording.channels[name]
@@ -251,7 +283,7 @@ def _power(
                 allowed="P and Q of the plant",
                 remedy=f"Map a column to {name}, or leave {key} out",
             )
-    return {name: _filled(recording, name, unknown, notes) for name in ("P", "Q")}
+    return {name: _filled(recording, name, unknown, notes, key) for name in ("P", "Q")}
 
 
 def _angle(

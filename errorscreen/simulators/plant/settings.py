@@ -1,16 +1,72 @@
-"""Settings of a plant simulator that depend on its device and recording: frequency, channels, steps, angle."""
+"""Settings of a plant simulator that depend on its device and recording: constants, channels, effects, angle."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from errorscreen.data.channels import ROLE_UNITS
 from errorscreen.data.observations import Observation
 from errorscreen.data.recordings import Recording
+from errorscreen.effects import Effect, common_skew, measurement_effects, mva_base
 from errorscreen.events import Playback, SetPointStep
 from errorscreen.exceptions import InputError, unknown_name
 from errorscreen.models.device import Device
+from errorscreen.models.set_points import with_steps
+from errorscreen.simulators import assembly
+from errorscreen.simulators.plant.connection import Connection
+from errorscreen.simulators.plant.driving_voltage import check_impedance
+from errorscreen.simulators.plant.imposed_power import effects_of_voltage, with_imposed_power
 from errorscreen.simulators.plant.terminal_angle import AngleSource
+
+#: what may be imposed at the recorded point
+IMPOSED = ("voltage", "power")
+
+
+def device_of(
+    device: Device, recording: Any, imposed: str, impedance: complex, connection: Connection | None
+) -> Device:
+    """Device with the steps of a recording, driven by the imposed voltage or power."""
+    if imposed not in IMPOSED:
+        raise unknown_name(imposed, IMPOSED, kind="kind of playback", where="PlantSimulator, imposed")
+    if check_impedance(impedance) and (connection is not None or imposed == "power"):
+        other = "connection" if connection is not None else 'imposed = "power"'
+        raise InputError(
+            f"{other} and grid_impedance are both given",
+            where="PlantSimulator",
+            allowed="one of them: what is imposed was recorded, or follows from the grid",
+        )
+    if imposed == "power":
+        device = with_imposed_power(device, connection)
+    return with_steps(device, steps_of(recording))
+
+
+def effects_in(
+    device: Device, effects: Iterable[Effect] | None, behind: bool, recording: Any
+) -> tuple[Effect, ...]:
+    """Given effects, or those of the device and of its measured channels; none of these `behind` an impedance."""
+    if effects is None:
+        of_power = device.outputs == Device.outputs
+        faults = measurement_effects(device.outputs) if of_power else effects_of_voltage()
+        base = mva_base(getattr(recording, "base_mva", 0.0))
+        if of_power and {*base.devices} & {*device.tags}:
+            faults = (*faults, base)
+        effects = (*assembly.library_of(device), *(() if behind else (*faults, common_skew())))
+    effects = tuple(effects)
+    wrong = [effect.name for effect in effects if behind and effect.kind == "measurement"]
+    if wrong:  # a wrong power gives a wrong voltage behind the impedance
+        raise InputError(
+            f"the effects {', '.join(wrong)} distort the power that the voltage behind the impedance follows from",
+            where="PlantSimulator, grid_impedance",
+            allowed="effects inside the device",
+            remedy="Look for faults of the measurement with the recorded voltage imposed",
+        )
+    return effects
+
+
+def units_of(channels: Iterable[str]) -> tuple[str, ...]:
+    """Units of channels: Hz for f, else pu."""
+    return tuple(ROLE_UNITS.get(name, "pu") for name in channels)
 
 
 def with_frequency(
@@ -46,7 +102,8 @@ def channels_of(recording: Any, channels: Iterable[str] | None, device: Device) 
         channels = tuple(name for name in outputs if name in recording.channels)
     if not channels:
         raise InputError(
-            "neither P nor Q was recorded, so there is nothing to compare with", where="PlantSimulator"
+            f"neither {' nor '.join(device.outputs)} was recorded, so there is nothing to compare with",
+            where="PlantSimulator",
         )
     return channels
 

@@ -1,4 +1,4 @@
-"""Plant playback: one device, driven by the voltage recorded at its terminal."""
+"""Plant playback: one device, driven by the voltage, or by the power, recorded at its terminal."""
 
 from __future__ import annotations
 
@@ -14,12 +14,11 @@ from errorscreen.data.observations import Observation
 from errorscreen.data.recordings import Recording
 from errorscreen.data.resampling import check_steps
 from errorscreen.data.signals import correlation_time
-from errorscreen.effects import Effect, common_skew, effects_of, measurement_effects
+from errorscreen.effects import Effect
 from errorscreen.engine.kernels import new_engine
 from errorscreen.events import Event, Playback
 from errorscreen.exceptions import InputError
 from errorscreen.models import DEVICES, Device
-from errorscreen.models.set_points import with_steps
 from errorscreen.models.unit import SHORTEST
 from errorscreen.models.unit_start import UnitStart
 from errorscreen.parameters import ParameterSpace
@@ -27,10 +26,18 @@ from errorscreen.simulators import assembly
 from errorscreen.simulators.base import Responses, Simulator
 from errorscreen.simulators.observations import check_recording
 from errorscreen.simulators.plant.connection import Connection, power_at_point
-from errorscreen.simulators.plant.driving_voltage import check_impedance, driving_voltage
+from errorscreen.simulators.plant.driving_voltage import driving_signals
+from errorscreen.simulators.plant.imposed_power import recorded_voltage, unsolved
 from errorscreen.simulators.plant.injection_noise import noise_left, propagated_energy, with_uncertainty
 from errorscreen.simulators.plant.playback import levels_apart, playback_observation
-from errorscreen.simulators.plant.settings import angle_source_of, channels_of, steps_of, with_frequency
+from errorscreen.simulators.plant.settings import (
+    angle_source_of,
+    channels_of,
+    device_of,
+    effects_in,
+    units_of,
+    with_frequency,
+)
 from errorscreen.simulators.plant.step_signals import step_signals
 from errorscreen.simulators.recent import Recent
 
@@ -39,7 +46,7 @@ _PLAUSIBLE = 1e3
 
 
 class PlantSimulator(Simulator):
-    """Active and reactive power of one device at the voltage that was recorded at its terminal.
+    """Active and reactive power of one device at its recorded voltage, or voltage and frequency at its recorded power.
 
     Plant models are validated in the field like this, because no model of the grid is needed. Every parameter vector
     starts at its own exact equilibrium for the recorded pre-event voltage and power.
@@ -57,7 +64,7 @@ class PlantSimulator(Simulator):
         Values of the device's other constants. The nominal frequency ``f0`` is that of the recording.
     channels : iterable of str, optional
         Of ``"P"``, ``"Q"`` and what the device can record beside them (`Device.recordable`), in pu; those of them that
-        were recorded where not given.
+        were recorded where not given. Where power is imposed, ``"V"`` in pu and ``"f"`` in Hz instead of P and Q.
     step : float
         Longest step of the integration in seconds; the step used divides the step of the time axis.
     dt : float, optional
@@ -69,6 +76,9 @@ class PlantSimulator(Simulator):
         the plant is driven by the voltage behind the impedance, :math:`E = V_{rec} - Z I_{rec}`, and its own current
         moves the terminal, :math:`V = E + Z I`. P and Q must be recorded and count as true: there are no measurement
         effects.
+    imposed : {"voltage", "power"}
+        Recorded quantity that drives the device. ``"power"`` is the way for load rejections and tests on open circuit:
+        P and Q must be recorded; see `errorscreen.simulators.plant.imposed_power`.
     constant_frequency : bool, default False
         For recordings without angle and frequency: the frequency keeps its value before the event.
     angle_reactance : float, default 0
@@ -108,6 +118,7 @@ class PlantSimulator(Simulator):
         dt: float | None = None,
         operating_point: Mapping[str, float] | None = None,
         grid_impedance: complex = 0.0,
+        imposed: str = "voltage",
         constant_frequency: bool = False,
         angle_reactance: float = 0.0,
         connection: Connection | None = None,
@@ -121,21 +132,15 @@ class PlantSimulator(Simulator):
             raise InputError(
                 f"the step is {step}", where="PlantSimulator", allowed="a positive number of seconds"
             )
-        self.device = device = with_steps(device, steps_of(recording))
+        self.device = device = device_of(device, recording, imposed, grid_impedance, connection)
         self.parameters = device.candidates if parameters is None else parameters
         for name in self.parameters.names:
             device.candidates.index(name)
-        self.grid_impedance = check_impedance(grid_impedance)
+        self.grid_impedance, self.imposed = complex(grid_impedance), imposed
         self.angle_source = angle_source_of(device, constant_frequency, angle_reactance)
         self.connection = connection
-        if connection is not None and self.grid_impedance:
-            raise InputError(
-                "connection and grid_impedance are both given",
-                where="PlantSimulator",
-                allowed="one of them: the voltage is recorded, or follows from the grid",
-            )
         self._behind = self.grid_impedance != 0
-        inside = self._behind or connection is not None
+        self._inside = inside = imposed == "voltage" and (self._behind or connection is not None)
         self.constants = with_frequency(
             device.constant_values(constants, in_grid=inside), recording, constants
         )
@@ -147,31 +152,22 @@ class PlantSimulator(Simulator):
                 "X_grid": self.grid_impedance.imag,
                 "size": 1.0,
             }
-        if effects is None:
-            faults = () if self._behind else (*measurement_effects(device.outputs), common_skew())
-            effects = (*effects_of(device.name, *device.tags), *faults)
-        self.effects = tuple(effects)
+        self.effects = effects_in(device, effects, self._behind, recording)
         self._off = assembly.switched_off(self.effects)
-        wrong = [effect.name for effect in self.effects if self._behind and effect.kind == "measurement"]
-        if wrong:  # a wrong power gives a wrong voltage behind the impedance
-            raise InputError(
-                f"the effects {', '.join(wrong)} distort the power that the voltage behind the impedance follows from",
-                where="PlantSimulator, grid_impedance",
-                allowed="effects inside the device",
-                remedy="Look for faults of the measurement with the recorded voltage imposed",
-            )
         self.step, self.dt = step, dt
         self.operating_point = dict(operating_point or {})
         self._recent, self._observed = Recent(), Recent()
         point = None if connection is None else power_at_point(device.interface.kind)
+        if imposed == "power":
+            point = recorded_voltage
         self.channels = channels_of(recording, channels, device)
         further = [name for name in self.channels if name in device.recordable]
         self._outputs = (*device.outputs, *further)
         model = assembly.assemble(device, self.effects, inside, point, further)
         self._engine = new_engine(engine, model, n_threads)
-        self.units = ("pu",) * len(self.channels)
+        self.units = units_of(self.channels)
         if not isinstance(recording, Playback | Observation):  # the event does not depend on uncertainty
-            recording = self._without_uncertainty(check_recording(recording))
+            recording = self.without_uncertainty(check_recording(recording))
         self.event = recording.event if isinstance(recording, Observation) else recording
 
     def __repr__(self) -> str:
@@ -196,11 +192,12 @@ class PlantSimulator(Simulator):
             return recording
         known = (check_recording(recording), self.parameters, self.extensions)
         observation: Observation = self._observed.get(
-            known, (self.step,), lambda: self._with_noise(self._without_uncertainty(recording), recording)
+            known, (self.step,), lambda: self._with_noise(self.without_uncertainty(recording), recording)
         )
         return observation
 
-    def _without_uncertainty(self, recording: Recording) -> Observation:
+    def without_uncertainty(self, recording: Recording) -> Observation:
+        """Observation of a recording as `observe` gives it, without the uncertainty, which takes many simulations."""
         return playback_observation(
             recording,
             self.channels,
@@ -209,6 +206,7 @@ class PlantSimulator(Simulator):
             grid_impedance=self.grid_impedance,
             operating_point=self.operating_point,
             driven=self.device.driven,
+            imposed=self.imposed,
             angle_source=self.angle_source,
         )
 
@@ -223,6 +221,7 @@ class PlantSimulator(Simulator):
             "device": self.device.name,
             "constants": self.constants,
             "step": self.step,
+            "imposed": self.imposed,
             "extensions": [effect.name for effect in self.extensions],
         }
 
@@ -241,7 +240,7 @@ class PlantSimulator(Simulator):
         step: float | None = None,
         jump: tuple[int, int, bool] | None = None,
     ) -> Responses:
-        """Simulate with a given interpolation of the voltage, longest step, and jump (see `driving_voltage`)."""
+        """Simulate with a given interpolation of the voltage, longest step, and jump (see `driving_signals`)."""
         theta = self.parameters.validate(theta)
         x0, constants, start, values, h, every = self._prepared(theta, event, step or self.step)
         # a measurement effect needs every step, not only the compared instants
@@ -258,9 +257,10 @@ class PlantSimulator(Simulator):
                 out[start] = self._engine.integrate(x0[start], constants[start], injected, h=h, every=record)
         if distorted:
             out = assembly.measured(out, self._outputs, acting, values, h)[..., ::every]
+        detail = unsolved(out[start], event.time) if event.by_power else ""
         status = assembly.statuses(out, _PLAUSIBLE, start)
         rows = [self._outputs.index(name) for name in self.channels]
-        detail, equilibrium = "", self.device.initialise
+        equilibrium = self.device.initialise
         if not start.all() and isinstance(equilibrium, UnitStart):
             detail = "; ".join(equilibrium.problems(values, int(np.argmin(start))))
         if rows != [*range(out.shape[1])]:  # else no copy: the responses to many rows fill the memory
@@ -291,7 +291,7 @@ class PlantSimulator(Simulator):
         with np.errstate(all="ignore"):  # an absurd parameter shows in `feasible`
             states, setpoints, feasible = self.device.initialise(values)
         values |= {**states, **setpoints}
-        if self._behind or self.connection is not None:
+        if self._inside:
             values |= {state: values[name] for state, name in self.device.interface.states}
         # without a disturbance before the end, an unknown input still has a window of one sample
         begin = min(event.start, event.time[-1] - event.dt)
@@ -305,15 +305,8 @@ class PlantSimulator(Simulator):
     def _injected(self, event: Playback, every: int, *between: Any) -> NDArray[np.float64]:
 
         def compute() -> NDArray[np.float64]:
-            signals = driving_voltage(
-                event,
-                every,
-                self.device.needs_angle,
-                self.grid_impedance,
-                *between,
-                inputs=tuple(self.device.driven),
-            )
-            if self.connection is not None:
+            signals = driving_signals(event, every, self.device, self.grid_impedance, *between)
+            if self.connection is not None and self.imposed == "voltage":
                 signals[:, :2] /= self.connection.tap
             return np.column_stack([signals, *step_signals(event, every, self.device.steps)])
 
@@ -332,9 +325,9 @@ class PlantSimulator(Simulator):
         errors = (observation.values - responses.values[0])[:, part]
         noise = noise_left(observation, errors, part)
         notes = [
-            f"The noise of {name} is taken as {new:.2g} instead of {old:.2g} pu, because the noise of the injected "
+            f"The noise of {name} is taken as {new:.2g} instead of {old:.2g} {unit}, because the noise of the injected "
             "signals passes through the device."
-            for name, new, old in zip(self.channels, noise, observation.noise, strict=True)
+            for name, unit, new, old in zip(self.channels, self.units, noise, observation.noise, strict=True)
             if not old / 1.1 <= new <= 1.1 * old
         ]
         start = self.device.initialise
@@ -350,11 +343,13 @@ class PlantSimulator(Simulator):
         )
         observation = self.with_uncertainty(observation, nominal)
         assert observation.extra is not None
-        for name, sigma, more in zip(self.channels, noise, observation.extra, strict=True):
+        extra = np.where(observation.mask, observation.extra, 0.0)
+        for name, unit, sigma, more in zip(self.channels, self.units, noise, extra, strict=True):
             if more.max() > sigma:
                 notes.append(
-                    f"{name} is uncertain by up to {more.max():.2g} pu at {observation.time[more.argmax()]:.4g} s, "
-                    "because the voltage is not known between its samples or the integration step is too coarse for it."
+                    f"{name} is uncertain by up to {more.max():.2g} {unit} at {observation.time[more.argmax()]:.4g} s, "
+                    f"because the {self.imposed} is not known between its samples or the integration step is too "
+                    "coarse for it."
                 )
         return replace(observation, assumptions=(*observation.assumptions, *notes))
 
@@ -381,10 +376,11 @@ class PlantSimulator(Simulator):
         values |= self._off
         values |= self._named(theta, event)
         values |= {name: float(event.initial[name]) * one for name in ("V", "P", "Q")}
+        values["f_start"] = event.initial.get("f", self.constants.get("f0", 0.0)) * one
         for effect in self._present(event):
             if effect.recorded is not None:
                 own = [values[effect.local(p.name)] for p in effect.parameters]
-                values[effect.channel] = effect.recorded(values[effect.channel], *own)
+                values |= {name: effect.recorded(values[name], *own) for name in effect.channels}
             elif effect.kind == "constants":
                 values |= assembly.changed_constants(effect, values)
         return values | {"angle": 0.0 * one}

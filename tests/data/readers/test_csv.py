@@ -1,7 +1,10 @@
+import os
+
 import numpy as np
 import pytest
 
-from errorscreen.data import read_csv
+from errorscreen.data import read_csv, read_recording
+from errorscreen.exceptions import InputError
 
 TIME = np.arange(0, 3, 0.05)
 P = np.where(TIME < 1, 40.0, 30.0) + 0.05 * np.sin(9e4 * TIME)
@@ -50,3 +53,107 @@ def test_gaps_are_read_in_any_spelling(tmp_path):
     rec = read(path, missing=["off"])
     assert np.isnan(rec.channel("P").values).sum() == 9
     assert "9 of 60 readings of P are missing." in rec.assumptions
+
+
+@pytest.mark.parametrize(
+    ("file", "options"),
+    [
+        ({"delimiter": "|"}, {}),
+        ({"delimiter": "   "}, {}),
+        ({"delimiter": "  "}, {"delimiter": "whitespace"}),
+        ({"prefix": "sep=;\n", "delimiter": ";"}, {}),
+        ({"prefix": "# logger 7\n! two\n\n"}, {}),
+        ({"encoding": "utf-16-le"}, {}),
+        ({"encoding": "utf-16-be"}, {}),
+    ],
+)
+def test_the_layout_is_recognised(tmp_path, file, options):
+    np.testing.assert_allclose(read(write(tmp_path, **file), **options).time, TIME, atol=1e-12)
+
+
+def _edited(tmp_path, first, above=""):
+    """The file with another first row."""
+    path = write(tmp_path)
+    path.write_text(above + "\n".join([*first, *path.read_text().splitlines()[1:]]))
+    return path
+
+
+def test_a_file_without_headers_is_read_by_names(tmp_path):
+    assert read(_edited(tmp_path, []), header=["time", "P"]).event_time == 1.0
+
+
+def test_headers_may_stand_in_a_comment(tmp_path):
+    assert read(_edited(tmp_path, ["# time, P"])).event_time == 1.0
+
+
+def test_two_rows_may_name_a_column(tmp_path):
+    path = _edited(tmp_path, ["all,Plant B", "t in s,m:Psum in MW"])
+    columns = {"P": {"column": "Plant B|m:Psum in MW", "unit": "MW"}}
+    rec = read_csv(path, columns, time="all|t in s", header_rows=2, base_mva=50, f_nominal=50)
+    assert rec.event_time == 1.0
+
+
+def test_a_row_of_units_counts_where_none_is_stated(tmp_path):
+    path = _edited(tmp_path, ["time,P", "[s],[GW]"])
+    rec = read_csv(path, {"P": "P"}, base_mva=50, f_nominal=50)
+    assert rec.initial(["P"])["P"] == pytest.approx(800, rel=1e-3)
+
+
+def test_columns_that_are_not_read_may_hold_anything(tmp_path):
+    lines = write(tmp_path).read_text().splitlines()
+    path = tmp_path / "wide.csv"
+    path.write_text("\n".join([lines[0] + ",x,x", *(line + ",on,1:2" for line in lines[1:])]))
+    assert read(path).event_time == 1.0
+
+
+def test_rows_with_a_bad_status_are_gaps(tmp_path):
+    lines = write(tmp_path).read_text().splitlines()
+    rows = [line + ",0000" for line in lines[1:]]
+    rows[5:8] = [line.split(",")[0] + ",0,8000" for line in lines[6:9]]
+    path = tmp_path / "status.csv"
+    path.write_text("\n".join([lines[0] + ",STAT", *rows]))
+    rec = read(path, quality={"column": "STAT", "good": ["0000"]})
+    assert (rec.event_time, np.isnan(rec.channel("P").values).sum()) == (1.0, 3)
+    assert "3 of 60 rows have a bad status in 'STAT'; they count as gaps." in rec.assumptions
+
+
+@pytest.mark.parametrize("mark", ["-9999", -9999, "-9999.0"])
+def test_numbers_may_mark_gaps(tmp_path, mark):
+    lines = write(tmp_path).read_text().splitlines()
+    lines[5] = lines[5].split(",")[0] + ",-9999.00"
+    path = tmp_path / "gaps.csv"
+    path.write_text("\n".join(lines))
+    assert np.isnan(read(path, missing=[mark]).channel("P").values).sum() == 1
+    with pytest.raises(InputError, match=r"exactly -9999.*Give missing = \['-9999'\]"):
+        read(path)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"PK\x03\x04" + bytes(40), "is a spreadsheet or another zip archive.*Save the sheet as CSV"),
+        (b"MATLAB 5.0 MAT-file" + bytes(200), "is a MATLAB file"),
+        (b"\x89HDF\r\n\x1a\n" + bytes(40), "is an HDF5 or MATLAB 7.3 file"),
+    ],
+)
+def test_other_formats_are_called_by_name(tmp_path, content, message):
+    path = tmp_path / "file.csv"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=message):
+        read_recording(path, {"P": "P"}, base_mva=1, f_nominal=50)
+
+
+def test_a_pipe_is_refused_at_once(tmp_path):
+    path = tmp_path / "pipe.csv"
+    os.mkfifo(path)
+    for reader in (read_csv, read_recording):
+        with pytest.raises(InputError, match="is a device or a pipe"):
+            reader(path, {"P": "P"}, base_mva=1, f_nominal=50)
+
+
+def test_a_column_that_occurs_twice_matters_only_where_it_is_read(tmp_path):
+    lines = write(tmp_path).read_text().splitlines()
+    path = tmp_path / "twice.csv"
+    path.write_text("\n".join([lines[0] + ",P", *(line + ",1" for line in lines[1:])]))
+    with pytest.raises(InputError, match=r"column 'P' occurs 2 times.*header_rows = 2"):
+        read(path)

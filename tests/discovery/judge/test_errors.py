@@ -1,8 +1,10 @@
 import numpy as np
 
 from errorscreen.cases.demo import demo_recordings
+from errorscreen.data.observations import Observation
 from errorscreen.discovery import channel_fits, stage_errors
 from errorscreen.discovery.judge.errors import STAGES, stage_limits
+from errorscreen.events import Playback, SetPointStep
 from errorscreen.simulators import PlantSimulator
 
 
@@ -43,3 +45,20 @@ def test_a_record_that_ends_early_has_fewer_stages():
     stages = [s for s in stage_errors(observation, simulator.baseline()) if s.channel == "P"]
     assert [s.stage for s in stages] == list(STAGES[:4])
     assert np.isclose(sum(s.share for s in stages), 1)
+
+
+def test_a_test_has_no_stage_that_is_called_fault():
+    time = 0.02 * np.arange(400)
+    power = np.where(time < 1.0, 0.8, 0.0)
+    rejected = Playback(time, "a", 1.0, {"P": power, "Q": 0 * time}, {"V": 1.0, "P": 0.8, "Q": 0.0})
+    voltage = {"V": np.ones(400)}
+    stepped = Playback(time, "b", 1.0, voltage, {"V": 1.0}, steps=(SetPointStep("Vref", 1.0, 0.02),))
+    for event, second in (
+        (rejected, "rejection"),
+        (stepped, "step"),
+        (Playback(time, "c", 1.0, voltage, {"V": 1.0}), "fault"),
+    ):
+        seen = Observation(event, np.ones((1, 400)), np.array([0.01]), ("V",), ("pu",))
+        stages = [error.stage for error in stage_errors(seen, seen.values + 0.01)]
+        assert stages[1] == second
+        assert ("fault" in stages) == (second == "fault")

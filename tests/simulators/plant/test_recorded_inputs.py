@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from errorscreen.data.preparation import Doubt
+from errorscreen.data.plausibility import Doubt
 from errorscreen.data.recordings import Recording
 from errorscreen.effects import effects_of
 from errorscreen.events import Playback

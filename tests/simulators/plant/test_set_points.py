@@ -75,12 +75,12 @@ def reference(time, steps):
             ((m["Xq"] - m["Xpp"]) * i.imag - psi2q) / m["Tppqo"],
             (error - lead) / e["TB"],
             (e["K"] * out - field) / e["TE"],
-            (P0 + moved["Pref"] - (w - 1) / g["R"] - gate) / g["T1"],
+            (P0 + moved["Pref"] - (w - 1 - moved["Fref"]) / g["R"] - gate) / g["T1"],
             (gate - heat) / g["T3"],
         ]
 
     x = [delta, 1.0, eq, eq - mutual * i.real, (m["Xq"] - m["Xpp"]) * i.imag, Efd / e["K"], Efd, P0, P0]
-    moved, powers, begin = {"Vref": 0.0, "Pref": 0.0}, np.empty((2, len(time))), 0.0
+    moved, powers, begin = {"Vref": 0.0, "Pref": 0.0, "Fref": 0.0}, np.empty((2, len(time))), 0.0
     for step in (*sorted(steps, key=lambda step: step.time), SetPointStep("Vref", float(time[-1]) + 1e-9)):
         rows = (time >= begin) & (time < step.time)
         run = solve_ivp(
@@ -104,6 +104,7 @@ def test_steps_at_any_instant_agree_with_a_second_method():
     steps = (
         SetPointStep("Vref", 0.5037, 0.02),
         SetPointStep("Pref", 1.0, -0.1),
+        SetPointStep("Fref", 1.5, 0.01),
         SetPointStep("Vref", 2.0, -0.03),
     )
     time, found = stepped(of("GENSAL", "SEXS", "TGOV1"), *steps)
@@ -129,6 +130,45 @@ def test_a_step_of_active_power_has_the_same_size_for_all_governors(governor, ga
     assert P[-1] - P0 == pytest.approx(0.05 * gain, abs=0.002)
 
 
+@pytest.mark.parametrize(
+    ("governor", "gain", "changes"),
+    [
+        ("TGOV1", 1 / 0.05, {}),
+        ("GAST", 1 / 0.04, {"R": 0.04}),
+        ("HYGOV", 1 / 0.04, {"R": 0.04}),
+        ("GGOV1", 1 / 0.04, {"R": 0.04}),
+        ("IEEEG1", 25.0, {"K": 25.0, "T1": 0.0, "T2": 0.0}),
+        ("IEESGO", 25.0, {"K1": 25.0, "T1": 0.0, "T2": 0.0, "T3": 0.0}),
+    ],
+)
+def test_a_step_of_frequency_is_one_of_power_over_the_droop(governor, gain, changes):
+    """Without a lag of the governor the courses agree; both steps of one set-point add up."""
+    s, at, of_power = 0.004, 0.62, 0.02
+    steps = {
+        "Fref": [SetPointStep("Fref", at, s), SetPointStep("Pref", at, of_power)],
+        "Pref": [SetPointStep("Pref", at, gain * s + of_power)],
+    }
+    device = with_steps(of("GENSAL", governor, **{governor: changes}), steps["Fref"])
+    short = {name: event(*some, until=1.2, dt=0.02) for name, some in steps.items()}
+    plant = PlantSimulator(device, short["Fref"], effects=(), constants={"f0": F0}, engine="numpy", step=0.02)
+    one, other = (plant.baseline(short[name]) for name in steps)
+    assert abs(one - other).max() < 1e-12
+    assert np.ptp(one[0]) > 1e-3
+
+
+@pytest.mark.parametrize("s", [0.004, -0.004])
+def test_a_plant_controller_answers_to_a_step_of_frequency_by_its_droop(s):
+    values = {
+        "Fflag": 1, "fdbd1": -0.001, "fdbd2": 0.0005, "Dup": 15.0, "Ddn": 30.0, "Kpg": 0.5, "Kig": 8.0, "Tp": 0.05,
+        "Tg": 0.02,
+    }  # fmt: skip
+    device = of("REGCA1", "REECB1", "REPCA1", REPCA1=values, REGCA1={"Tg": 0.02}, REECB1={"Tpord": 0.02})
+    stepped = event(SetPointStep("Fref", 0.6, s), until=3.0, dt=0.02, P=0.6)
+    plant = PlantSimulator(device, stepped, effects=(), constants={"f0": F0}, engine="numpy", step=0.01)
+    expected = 15.0 * (s - 0.0005) if s > 0 else 30.0 * (s + 0.001)
+    assert plant.baseline()[0, -1] - 0.6 == pytest.approx(expected, abs=2e-4)
+
+
 def test_references_of_a_converter_step_in_front_of_their_control():
     changes = {"REGCA1": {"Tg": 0.02}, "REECB1": {"Tpord": 0.05}}
     device = of("REGCA1", "REECB1", **changes)
@@ -144,13 +184,13 @@ def test_set_points_follow_from_parts_and_flags():
     def names(*parts, **changes):
         return {*of(*parts, **changes).set_points}
 
-    assert names("GENSAL", "SEXS", "TGOV1") == {"Vref", "Pref"}
+    assert names("GENSAL", "SEXS", "TGOV1") == {"Vref", "Pref", "Fref"}
     assert names("GENSAL") == set()
     assert names("REGCA1", "REECB1") == {"Pref", "Qext"}
-    assert names("REGCA1", "REECB1", "REPCA1", REPCA1={"RefFlag": 1, "Fflag": 1}) == {"Vref", "Pref"}
+    assert names("REGCA1", "REECB1", "REPCA1", REPCA1={"RefFlag": 1, "Fflag": 1}) == {"Vref", "Pref", "Fref"}
     assert names("REGCA1", "REECB1", "REPCA1", REPCA1={"RefFlag": 0}) == {"Qref", "Pref"}
     driven = unit([Record(PARTS[n], {}) for n in ("GENROU", "SEXS", "TGOV1")], inputs=["Efd"])
-    assert {*driven.set_points} == {"Pref"}
+    assert {*driven.set_points} == {"Pref", "Fref"}
 
 
 def test_a_plant_controller_brings_the_regulated_quantity_to_its_reference():

@@ -1,0 +1,121 @@
+"""Cells of a table that hold no reading: rows with a bad status, and numbers that stand for a gap."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from errorscreen.data.table import Table
+from errorscreen.exceptions import InputError, unknown_name
+
+_Array = NDArray[np.float64]
+#: larger readings are gaps, or end in numbers too large to calculate with
+LARGEST = 1e12
+#: a number far beyond the others lies so many times their whole range from them
+_FAR = 10.0
+
+
+@dataclass(frozen=True)
+class Quality:
+    """Column that says which rows hold readings.
+
+    Parameters
+    ----------
+    column : str
+        Header.
+    good : tuple of str
+        Its texts in rows with readings, for example ``("0000",)`` of a status word. Numbers are compared as numbers.
+    """
+
+    column: str
+    good: tuple[str, ...]
+
+
+def as_quality(found: Quality | Mapping[str, Any] | None, source: str) -> Quality | None:
+    """Check a description of the status, given as a mapping of fields or a `Quality`."""
+    if found is None or isinstance(found, Quality):
+        return found
+    for key in found:
+        if key not in ("column", "good"):
+            raise unknown_name(key, ("column", "good"), kind="field", where=f"{source}, quality")
+    good = found.get("good", ())
+    good = (good,) if isinstance(good, str | int | float) else tuple(good)
+    if not found.get("column") or not good:
+        raise InputError(
+            "quality lacks its column, or texts of good rows",
+            where=source,
+            allowed='for example {column = "STAT", good = ["0000"]}',
+        )
+    return Quality(str(found["column"]), tuple(map(str, good)))
+
+
+def without_bad_rows(
+    values: Mapping[str, _Array], table: Table, quality: Quality | None, notes: list[str]
+) -> dict[str, _Array]:
+    """The columns with gaps in rows whose status is bad."""
+    if quality is None:
+        return dict(values)
+    cells = pd.Series(list(table.column(quality.column)))
+    bad = ~_matches(cells, quality.good)
+    if bad.all():
+        found = ", ".join(map(repr, dict.fromkeys(cells.astype("string").head(1000).tolist())))
+        raise InputError(
+            f"no row has a good status; found were {found[:200]}",
+            where=f"{table.source}, column {quality.column!r}",
+            allowed=f"rows with {', '.join(map(repr, quality.good))}",
+            remedy="Correct good",
+        )
+    notes.append(
+        f"{int(bad.sum())} of {len(bad)} rows have a bad status in {quality.column!r}; they count as gaps."
+    )
+    return {header: np.where(bad, np.nan, column) for header, column in values.items()}
+
+
+def _matches(cells: pd.Series, texts: Iterable[str]) -> NDArray[np.bool_]:
+    """Which cells are one of some texts, in any case, or equal to one as a number."""
+    plain = cells.astype("string").fillna("").str.strip().str.lower()
+    numbers = pd.to_numeric(plain, errors="coerce")
+    found = plain.isin({text.strip().lower() for text in texts})
+    wanted = pd.to_numeric(pd.Series([*texts], dtype="string").str.strip(), errors="coerce").dropna()
+    return (found | numbers.isin(wanted)).to_numpy(dtype=bool)
+
+
+def refuse_marks(values: Mapping[str, _Array], table: Table) -> None:
+    """Refuse numbers that mark a gap, such as -9999: they agree exactly, and lie far beyond the others.
+
+    Raises
+    ------
+    InputError
+        With the number, so that it can be added to `missing`.
+    """
+    for header, column in values.items():
+        known = column[np.abs(column) <= LARGEST]
+        if not len(known):
+            continue
+        for end in (float(known.min()), float(known.max())):
+            others = known[known != end]
+            if not _marks_gap(end) or len(others) < 0.5 * len(known):
+                continue
+            middle, size = float(np.median(others)), float(np.max(others) - np.min(others))
+            if abs(end - middle) <= _FAR * max(size, abs(middle)):
+                continue
+            rows = np.flatnonzero(column == end)
+            raise InputError(
+                f"{len(rows)} readings are exactly {end:.9g}, far beyond the others, {others.min():.6g} to "
+                f"{others.max():.6g}: a mark of a gap?",
+                where=table.place(int(rows[0]), header),
+                allowed="readings, or marks of gaps that are stated",
+                remedy=f"Give missing = ['{end:.9g}'], or correct the cells",
+            )
+
+
+def _marks_gap(value: float) -> bool:
+    """Whether a number looks like a mark: all nines, or a limit of an integer. What is beyond 1e12 is a gap anyway."""
+    size = abs(value)
+    digits = f"{size:.9g}".replace(".", "").strip("0")
+    return (size >= 99 and set(digits) == {"9"}) or size in (2.0**15, 2.0**15 - 1, 2.0**31, 2.0**31 - 1)

@@ -1,0 +1,117 @@
+"""Text of a file: refused paths, encodings, and formats that are no text."""
+
+from __future__ import annotations
+
+import codecs
+import difflib
+import stat
+from pathlib import Path
+
+from errorscreen.exceptions import InputError
+
+#: First bytes of formats that are no text, with what to do.
+_OTHER_FORMATS = {
+    b"PK\x03\x04": ("a spreadsheet or another zip archive", "Save the sheet as CSV"),
+    b"\xd0\xcf\x11\xe0": ("a spreadsheet of an old version", "Save the sheet as CSV"),
+    b"MATLAB 5.0": ("a MATLAB file", "Export its variables as CSV"),
+    b"\x89HDF": ("an HDF5 or MATLAB 7.3 file", "Export its variables as CSV"),
+    b"PAR1": ("a Parquet file", "Read it with pandas.read_parquet, and give the table to errorscreen.read"),
+    b"--- file type": ("a COMTRADE file", "State format = 'comtrade'"),
+    b"\x1f\x8b": ("compressed by gzip", "Unpack it"),
+}
+#: bytes that tell UTF-16 without a mark
+_HEAD = 2000
+
+
+def check_file(path: Path) -> None:
+    """Refuse a path that is no ordinary file; others, such as pipes and devices, may never end.
+
+    Raises
+    ------
+    InputError
+        With the nearest names in the folder for a file that does not exist.
+    """
+    where = f"file {path}"
+    try:
+        mode = path.stat().st_mode
+    except FileNotFoundError as error:
+        siblings = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
+        near = difflib.get_close_matches(path.name, siblings, n=3)
+        remedy = f"Did you mean {', '.join(near)}?" if near else "Check the path"
+        raise InputError("does not exist", where=where, remedy=remedy) from error
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"cannot be read: {getattr(error, 'strerror', None) or error}", where=where
+        ) from error
+    if stat.S_ISDIR(mode):
+        raise InputError("is a folder", where=where, allowed="a text file")
+    if not stat.S_ISREG(mode):
+        raise InputError("is a device or a pipe", where=where, allowed="an ordinary file")
+
+
+def decoded(path: Path, encoding: str) -> str:
+    """Text of a file.
+
+    Parameters
+    ----------
+    path : Path
+    encoding : str
+        UTF-16 without a mark is recognised where this is ``"utf-8-sig"``.
+
+    Raises
+    ------
+    InputError
+        If it is no text in this encoding; a file of another known format is called so.
+    """
+    check_file(path)
+    where = f"file {path}"
+    try:
+        content = path.read_bytes()
+        return content.decode(_utf_16(content) or encoding if encoding == "utf-8-sig" else encoding)
+    except LookupError as error:
+        problem = f"encoding {encoding!r} is unknown"
+        raise InputError(problem, where=where, allowed="utf-8, latin-1, ...") from error
+    except UnicodeDecodeError as error:
+        refuse_other_format(content[:_HEAD], path)
+        raise InputError(
+            f"byte {error.start} is not {encoding} text",
+            where=where,
+            remedy="Give encoding='latin-1' or 'utf-16', or save the file as UTF-8",
+        ) from error
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror or error}", where=where) from error
+
+
+def refuse_other_format(head: bytes, path: Path) -> None:
+    """Refuse a file whose first bytes, or whose neighbour, show that it is of another format."""
+    for mark, (kind, remedy) in _OTHER_FORMATS.items():
+        if head.startswith(mark):
+            raise InputError(f"is {kind}", where=f"file {path}", allowed="a text file", remedy=remedy)
+    if path.suffix.lower() == ".dat" and any(
+        path.with_suffix(ending).exists() for ending in (".cfg", ".CFG", ".Cfg")
+    ):
+        raise InputError(
+            "holds the data of a COMTRADE record",
+            where=f"file {path}",
+            remedy="Give the .cfg file beside it as path",
+        )
+
+
+def _utf_16(content: bytes) -> str | None:
+    """UTF-16 with a mark, or recognised by the zero bytes of Latin letters and digits."""
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    head = content[:_HEAD]
+    for encoding, zeros, letters in (
+        ("utf-16-le", head[1::2], head[::2]),
+        ("utf-16-be", head[::2], head[1::2]),
+    ):
+        if len(head) > 8 and zeros.count(0) > 0.9 * len(zeros) and letters.count(0) == 0:
+            return encoding
+    return None
+
+
+def is_text(head: bytes) -> bool:
+    """Whether a file that begins with these bytes may hold text: zero bytes occur only in UTF-16 and UTF-32."""
+    marks = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE, codecs.BOM_UTF32_BE)
+    return b"\0" not in head or head.startswith(marks) or _utf_16(head) is not None

@@ -1,0 +1,131 @@
+"""Readings that a wrong unit, base, sign or nominal frequency would explain."""
+
+import warnings
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from errorscreen.data import Recording, from_frame
+from errorscreen.data.plausibility import Doubt
+from errorscreen.exceptions import DataWarning
+
+TIME = np.arange(0, 6, 0.02)
+DIP = np.where((TIME >= 2) & (TIME < 2.2), 0.7, 1.0) + 1e-4 * np.random.default_rng(0).standard_normal(
+    len(TIME)
+)
+#: Hz: a swing after the event
+SWING = 0.02 + 0.3 * np.sin(5 * (TIME - 2)) * np.exp(-(TIME - 2)) * (TIME >= 2)
+ANGLE = 2 * np.pi * np.concatenate([[0.0], np.cumsum(0.5 * (SWING[1:] + SWING[:-1]) * 0.02)])
+
+
+def doubts(time=TIME, f_nominal=50.0, **values):
+    """Doubts about a recording, which are warned of as well."""
+    values = {"V": DIP, **values}
+    with warnings.catch_warnings(record=True) as seen:
+        warnings.simplefilter("always")
+        rec = Recording.from_arrays(time, values, base_mva=1, f_nominal=f_nominal)
+    found = [str(note) for note in rec.assumptions if isinstance(note, Doubt)]
+    assert [str(w.message).split(": ", 1)[1] for w in seen] == found
+    return found, rec.assumptions
+
+
+@pytest.mark.parametrize(
+    ("factor", "told"),
+    [
+        (1 / np.sqrt(3), "1/√3: measured from line to neutral? Then set line_neutral = true"),
+        (np.sqrt(2), "√2: a peak value? Then set scale = 0.70711"),
+        (np.sqrt(2 / 3), "√(2/3): a peak value from line to neutral? Then set scale = 1.22474"),
+        (np.sqrt(3), "√3: a base from line to neutral?"),
+        (20.0, "V before the event is 20 pu: check its unit and base_kv."),
+    ],
+)
+def test_a_voltage_of_another_kind_is_named_by_its_factor(factor, told):
+    (found,), _ = doubts(V=factor * DIP)
+    assert told in found
+
+
+@pytest.mark.parametrize("V", [0.9, 1.0, 1.1])
+def test_a_usual_voltage_is_not_doubted(V):
+    assert doubts(V=V * DIP)[0] == []
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1e3, "ms"), (1e6, "us"), (1 / 86400, "d"), (1 / 3600, "h")])
+def test_time_in_another_unit_is_named(factor, unit):
+    (found,), _ = doubts(time=factor * TIME)
+    assert f"time_unit = '{unit}' (0.02 s)" in found
+
+
+@pytest.mark.parametrize(
+    ("sign", "unit", "told"),
+    [
+        (1.0, 1.0, None),
+        (-1.0, 1.0, "the other sign of the angle (scale = -1)"),
+        (1.0, 180 / np.pi, "the angle in degrees (unit = 'deg')"),
+        (-1.0, 180 / np.pi, "in degrees and of the other sign"),
+    ],
+)
+def test_the_angle_must_follow_from_the_frequency(sign, unit, told):
+    found, notes = doubts(angle=sign * unit * ANGLE, f=50 + SWING)
+    if told is None:
+        assert found == []
+        assert any("their slope is 1.00" in note for note in notes)
+    else:
+        assert told in found[0]
+
+
+def test_angle_and_frequency_that_hardly_move_say_nothing():
+    rng = np.random.default_rng(1)
+    angle, f = 1e-3 * rng.standard_normal((2, len(TIME)))
+    found, notes = doubts(angle=angle + (TIME > 2) * 1e-3, f=50 + f)
+    assert found == []
+    assert not any("slope" in note for note in notes)
+
+
+@pytest.mark.parametrize(
+    ("f", "nominal", "told"),
+    [
+        (50 + SWING, 60.0, "f_nominal = 50?"),
+        (1 + SWING / 50, 50.0, "unit = 'pu'"),
+        (2 * np.pi * (50 + SWING), 50.0, "unit = 'rad/s'"),
+        (1e3 * (50 + SWING), 50.0, "unit = 'mHz'"),
+        (SWING, 50.0, "unit = 'Hz deviation'"),
+        (50 + 1e3 * SWING, 50.0, "unit = 'mHz deviation'"),
+    ],
+)
+def test_a_frequency_of_another_unit_is_named(f, nominal, told):
+    assert told in doubts(f=f, f_nominal=nominal)[0][0]
+
+
+def test_rows_of_zeros_are_taken_for_lost_frames():
+    lost = slice(200, 203)
+    V, P = DIP.copy(), 0.5 + 0.2 * (TIME > 2)
+    V[lost], P[lost] = 0.0, 0.0
+    (found,), _ = doubts(V=V, P=P)
+    assert found.startswith("3 rows, the first at 4 s, hold exactly 0 in V, P")
+    V[200:], P[200:] = 0.0, 0.0
+    assert doubts(V=V, P=P)[0] == [], "a unit that trips stays at zero"
+
+
+def test_degrees_without_their_unit_show_in_the_jumps_of_the_angle():
+    degrees = (np.degrees(20 * ANGLE) + 170.0 + 180.0) % 360.0 - 180.0
+    table = {"t": TIME, "V": DIP, "angle": degrees}
+    with pytest.warns(DataWarning, match="jumps by 360, but its unit is rad"):
+        _read(table)
+
+
+def test_a_jump_between_equal_stamps_is_removed_before_their_mean():
+    """The mean of 179.9 and -179.9 degrees is not zero."""
+    time, degrees = TIME.round(2), (170.0 + 0.36 * np.arange(len(TIME)) + 180.0) % 360.0 - 180.0
+    k = int(np.argmin(degrees)) - 1  # the last before the jump
+    time[k + 1] = time[k]
+    with pytest.warns(DataWarning, match="their mean was taken"):
+        rec = _read({"t": time, "V": DIP, "angle": degrees}, angle={"column": "angle", "unit": "deg"})
+    steps = np.degrees(np.diff(rec.channel("angle").values))
+    assert steps.min() > 0.1
+    assert steps.max() < 1.0
+
+
+def _read(table, **columns):
+    columns = {"V": "V", "angle": "angle", **columns}
+    return from_frame(pd.DataFrame(table), columns, time="t", base_mva=1, f_nominal=50)

@@ -1,0 +1,59 @@
+"""Wrong readings of a recording are told before a cause is searched."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from errorscreen.cases.demo import demo_recordings
+from errorscreen.discovery.readings import better_readings
+from errorscreen.simulators import PlantSimulator
+
+
+@pytest.fixture(scope="module")
+def recording():
+    return demo_recordings(0)[0]
+
+
+def read_wrongly(recording, **factors):
+    channels = {
+        name: replace(channel, values=factors.get(name, 1.0) * channel.values)
+        for name, channel in recording.channels.items()
+    }
+    return replace(recording, channels=channels)
+
+
+@pytest.mark.parametrize(
+    ("factors", "told"),
+    [
+        ({"Q": -1.0}, "With the other sign of Q (scale = -1)"),
+        ({"P": -1.0, "Q": -1.0}, "With the other sign of P and Q (sign = 'load')"),
+        ({"angle": -1.0}, "With the other sign of the angle (scale = -1)"),
+        ({"angle": 180 / np.pi}, "With the angle in degrees (unit = 'deg')"),
+    ],
+)
+def test_a_wrong_reading_is_named(recording, factors, told):
+    """Of a machine whose parameters are wrong by up to a quarter."""
+    plant = PlantSimulator("synchronous_machine", recording)
+    (found,) = better_readings(plant, read_wrongly(recording, **factors))
+    assert found.startswith(told)
+
+
+def test_interchanged_powers_are_named(recording):
+    plant = PlantSimulator("synchronous_machine", recording)
+    P, Q = recording.channel("P"), recording.channel("Q")
+    channels = {**recording.channels, "P": replace(P, values=Q.values), "Q": replace(Q, values=P.values)}
+    (found,) = better_readings(plant, replace(recording, channels=channels))
+    assert found.startswith("With P and Q interchanged")
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_right_readings_are_not_doubted(seed):
+    fitted, held_out, _ = demo_recordings(seed)
+    for one in (fitted, *held_out):
+        assert better_readings(PlantSimulator("synchronous_machine", one), one) == []
+
+
+def test_another_model_is_no_wrong_reading(recording):
+    """A converter leaves nearly all of a machine's response, and no reading changes that."""
+    assert better_readings(PlantSimulator("pv_plant", recording), recording) == []
