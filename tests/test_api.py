@@ -75,7 +75,9 @@ def test_the_unit_of_time_is_read_off_its_header(tmp_path):
     table = {"t (ms)": 1e3 * TIME, "P": dip(0.6, 0.5)}
     assert es.read(table, **BASES).event_time == 1.0
     assert es.read(table, {"P": "P"}, **BASES).event_time == 1.0
-    with pytest.warns(DataWarning, match="Samples are 20 s apart: check time_unit, for example time_unit = 'ms'"):
+    with pytest.warns(
+        DataWarning, match="Samples are 20 s apart: check time_unit, for example time_unit = 'ms'"
+    ):
         assert es.read(table, time="t (ms)", time_unit="s", **BASES).event_time == 1000.0
     lines = [f"{1e3 * t:g};{p:g}".replace(".", ",") for t, p in zip(TIME, dip(0.6, 0.5), strict=True)]
     (tmp_path / "comma.csv").write_text("# exported\nt (ms);P\n" + "\n".join(lines), encoding="utf-8")
