@@ -29,6 +29,8 @@ _SAMPLING = (1e-3, 100.0)
 _USUAL_STEP = (5e-5, 1.0)
 #: relative distance of the frequency before the event from the nominal one
 _OFF_NOMINAL = 0.05
+#: Hz by which an angle may turn before an event: the frequency of a grid is nearer to the nominal one
+_TURNS = 1.0
 #: rms of the difference of both sides of (1), relative to that of F, at which they agree
 _AGREES = 0.1
 #: rad that F must move at least
@@ -63,7 +65,12 @@ _TIME_UNITS = {"ms": 1e-3, "us": 1e-6, "ticks": 1e-7, "ns": 1e-9, "min": 60.0, "
 
 
 def warn_implausible(
-    time: _Array, values: Mapping[str, _Array], initial: Mapping[str, float], f_nominal: float, where: str
+    time: _Array,
+    values: Mapping[str, _Array],
+    initial: Mapping[str, float],
+    quiet: tuple[float, float],
+    f_nominal: float,
+    where: str,
 ) -> list[str]:
     """Doubts about a recording, which are warned of as well, and what speaks for the readings.
 
@@ -75,6 +82,8 @@ def warn_implausible(
         Channels in the units of `errorscreen.data.channels.Channel`.
     initial : mapping of str to float
         Values before the event.
+    quiet : (float, float)
+        First and last instant of the quiet part in seconds.
     f_nominal : float
         Hz.
     where : str
@@ -91,6 +100,8 @@ def warn_implausible(
         doubts += found
         if slope is not None:
             notes.append(f"Angle and frequency agree: their slope is {slope:.3f}.")
+    if "angle" in values and not doubts and not notes:
+        doubts += _turning(time, values["angle"], quiet)
     return [*notes, *(doubt(text, where) for text in doubts)]
 
 
@@ -148,6 +159,19 @@ def _frequency(f: float, f_nominal: float) -> Iterator[str]:
     if fitting and not other:
         remedy = f"unit = {' or '.join(map(repr, fitting))} of column f?"
     yield f"f before the event is {f:.5g} Hz, f_nominal {f_nominal:g} Hz: {remedy}"
+
+
+def _turning(time: _Array, angle: _Array, quiet: tuple[float, float]) -> Iterator[str]:
+    """An angle that turns too fast before the event, which the frequency of a grid does not."""
+    part = (time >= quiet[0]) & (time <= quiet[1]) & np.isfinite(angle)
+    if part.sum() < 3:
+        return
+    hertz = float(np.polyfit(time[part] - time[part][0], angle[part], 1)[0]) / (2 * np.pi)
+    if abs(hertz) > _TURNS:
+        yield (
+            f"Before the event the angle turns at {hertz:.3g} Hz against the nominal frequency: in degrees "
+            "(unit = 'deg'), or another f_nominal?"
+        )
 
 
 def _angle_and_frequency(

@@ -155,7 +155,7 @@ class Recording(Displayed):
             channels[key] = Channel(key, v, unit, sigma, ages.get(key, 0.0))
         recording = cls(name, t, channels, base_mva, f_nominal, start, quiet, base_kv, given)
         initial = recording.initial(name for name in ("V", "f") if name in channels or name in given)
-        notes += warn_implausible(t, arrays, initial, f_nominal, where)
+        notes += warn_implausible(t, arrays, initial, quiet, f_nominal, where)
         return replace(recording, assumptions=tuple(notes))
 
     @classmethod

@@ -26,6 +26,8 @@ from errorscreen.simulators.plant.simulator import PlantSimulator
 _Values = dict[str, NDArray[np.float64]]
 #: J that a model leaves whose parameters are wrong by a third: nothing is asked below
 _WELL = 0.5
+#: J that a reading must leave at most: beyond it explains nothing
+_MOST = 1.0
 #: factor by which another reading must lower J; hidden effects alone lowered it by 1.7 at most
 _FAR = 3.0
 #: factor between readings that are named together
@@ -47,7 +49,6 @@ _OTHERS: tuple[tuple[str, tuple[str, ...], Callable[[_Values], _Values]], ...] =
     ),
     ("P and Q interchanged", ("P", "Q"), lambda v: {"P": v["Q"], "Q": v["P"]}),
     ("the other sign of the angle (scale = -1)", ("angle",), _scaled("angle", -1.0)),
-    ("the angle in degrees (unit = 'deg')", ("angle",), _scaled("angle", np.pi / 180)),
 )
 
 
@@ -83,7 +84,7 @@ def better_readings(simulator: PlantSimulator, recording: Recording) -> list[Dou
             changed = _with(recording, change(values))
             other = _left(simulator, changed)
             generates = "P" not in needed or changed.initial(["P"])["P"] > 0
-            if other * _FAR < left and generates:
+            if other < min(_MOST, left / _FAR) and generates:
                 found.append((other, words))
     if not found:
         return []

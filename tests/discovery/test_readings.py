@@ -29,7 +29,6 @@ def read_wrongly(recording, **factors):
         ({"Q": -1.0}, "With the other sign of Q (scale = -1)"),
         ({"P": -1.0, "Q": -1.0}, "With the other sign of P and Q (sign = 'load')"),
         ({"angle": -1.0}, "With the other sign of the angle (scale = -1)"),
-        ({"angle": 180 / np.pi}, "With the angle in degrees (unit = 'deg')"),
     ],
 )
 def test_a_wrong_reading_is_named(recording, factors, told):
