@@ -15,6 +15,9 @@ has the right slope on average (T. Nakamura, "Corrected score function for error
 estimation in parametric measurement error models", *Journal of the American Statistical Association* 89, 1994). Its
 slope stands for it during two iterations, and is renewed. With ten of them, fits of a unit to a small event jumped to
 and fro between parameters that pass too much and too little noise.
+
+Steps that all lower (K1) are short along a curved valley, and end before its lowest point. So undamped steps follow,
+with a new slope each: they leave the valley and return to it further on. The lowest point of all counts.
 """
 
 from __future__ import annotations
@@ -30,6 +33,8 @@ from errorscreen.simulators.plant.injection_noise import typical
 
 #: most times that the slope is renewed, iterations with each, and least decrease of (K1) in them to go on
 _TIMES, _ITERATIONS, _GAIN = 30, 2, 0.1
+#: most undamped steps behind them
+_UNDAMPED = 8
 #: step of its differences in u
 _STEP = 1e-2
 #: χ²/N above which noise does not matter
@@ -72,9 +77,26 @@ def bias_corrected(search: BoundedSearch, problem: FitProblem, smooth: ArrayLike
             found = trial
         if not before - after > _GAIN:
             break
+    found = _lowest(found, problem, smooth)
     found.best.state = search.best.state
     found.differentiate(found.tracks)
     return found
+
+
+def _lowest(search: BoundedSearch, problem: FitProblem, smooth: ArrayLike) -> BoundedSearch:
+    """Search at the lowest point of (K1) on undamped steps with a new slope each; the search itself at the start."""
+    slope, energy = noise_slope(problem, search.best.u)
+    lowest, moving = search.untilted - energy, search.alone(replace(search.best))
+    for _ in range(_UNDAMPED):
+        moving.tilt(np.where(smooth, slope, 0.0))
+        track = moving.undamped(moving.best)
+        if track is None:
+            break
+        moving = moving.alone(track)
+        slope, energy = noise_slope(problem, track.u)
+        if moving.untilted - energy < lowest:
+            search, lowest = moving, moving.untilted - energy
+    return search
 
 
 def noise_slope(problem: FitProblem, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -154,6 +154,21 @@ class BoundedSearch:
         if going_on:
             self._try_steps(going_on)
         return bool(self._active())
+
+    def undamped(self, track: Track) -> Track | None:
+        """A track at the minimum of the linear model inside the bounds, whether the objective falls there or not; None
+        where that promises too little, or fails.
+        """
+        self.differentiate([track])
+        A, g = self.normal_equations(track)
+        if self._promise(track, A, g) < self._enough(track):
+            return None
+        u = np.clip(track.u + self._minima(track, A, g, [0.0])[0], self._lower, self._upper)
+        z = self._residuals(u[None])[0]
+        cost = float(self._costs(u, z))
+        return (
+            replace(track, u=u, residuals=z.copy(), cost=cost, jacobian=None) if np.isfinite(cost) else None
+        )
 
     def differentiate(self, tracks: list[Track]) -> None:
         """Give each track a Jacobian by central differences."""
