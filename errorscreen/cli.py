@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import io
+import math
 import os
 import shutil
 import signal
@@ -344,8 +345,10 @@ def _study(prepare: Callable[[], Any], out: Path, options: argparse.Namespace, p
     for sentence in result.advice:
         print(f"Next: {sentence}")
     if result.correction:
-        changes = [
-            f"{p.name} = {p.value:.4g} [{p.low:.3g}, {p.high:.3g}]" for p in result.correction.parameters
+        changes = [f"new record {one.model}" for one in result.correction.records]
+        changes += [
+            f"{p.name} = {p.value:.4g}" + ("" if math.isnan(p.low) else f" [{p.low:.3g}, {p.high:.3g}]")
+            for p in result.correction.parameters
         ]
         print(f"To change in {result.correction.original}: {', '.join(changes)}")
     failed = _failed(result)

@@ -118,6 +118,9 @@ class Effect:
     reading : callable, optional
         ``reading(title, values)`` returns the title for fitted values: value, lower and upper end of each parameter by
         its short name.
+    record : callable, optional
+        ``record(values)`` returns the standard model with the same equations, as its name and its constants, from the
+        parameters of the effect and ``"P"``, the power before the event.
     """
 
     name: str
@@ -144,6 +147,7 @@ class Effect:
     switch: bool = False
     told: str = ""
     reading: Callable[[str, Mapping[str, tuple[float, float, float]]], str] | None = None
+    record: Callable[[Mapping[str, float]], tuple[str, dict[str, float]]] | None = None
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:

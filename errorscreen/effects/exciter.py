@@ -16,6 +16,7 @@ and the lag may be so long that it stands for the integral of a regulator.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -51,6 +52,12 @@ def _start(values: Values, h: float) -> Values:
     return {"V0": values["V"] * np.ones_like(values["K"])}
 
 
+def sexs_record(values: Mapping[str, float]) -> tuple[str, dict[str, float]]:
+    """Record SEXS with these equations."""
+    own = {name: values[name] for name in ("TA_TB", "TB", "K", "TE")}
+    return "SEXS", {**own, "EMIN": _E_MIN, "EMAX": values["Emax"]}
+
+
 EXCITER = Effect(
     name="exciter",
     title="Excitation system (SEXS)",
@@ -78,6 +85,7 @@ UNIT_EXCITER = replace(
     told="The file of {unit} has no exciter; one acted",
     devices=("without exciter",),
     equations=ceiling,
+    record=sexs_record,
     parameters=(
         EXCITER.parameters[0],
         value("TA_TB", 0.1, 0.005, 1.0, "", "exciter", "T_A/T_B", "transient gain reduction"),

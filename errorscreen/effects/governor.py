@@ -21,6 +21,7 @@ with c in place of g in (G3).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -28,6 +29,8 @@ from errorscreen.effects.base import Effect, strength, value
 from errorscreen.engine.vmath import clip, hold_at_limits
 
 _P_MAX = 1.2
+#: pu/s: limit of a gate's rate that is not reached
+_FREE_RATE = 10.0
 
 
 def tgov1(
@@ -73,6 +76,17 @@ def steam(
     )
 
 
+def ieeeg1_record(values: Mapping[str, float]) -> tuple[str, dict[str, float]]:
+    """Record IEEEG1 with these equations, without dead band: the share of the first stage has no reheat delay."""
+    share = values["T2_T3"]
+    return "IEEEG1", {
+        **{"JBUS": 0.0, "M": 0.0, "K": values["K"], "T1": 0.0, "T2": 0.0, "T3": values["T1"]},
+        **{"UO": _FREE_RATE, "UC": -_FREE_RATE, "PMAX": _P_MAX, "PMIN": 0.0, "T4": values["TCH"]},
+        **{"K1": share, "T5": values["T3"], "K3": 1.0 - share, "T6": 0.0, "T7": 0.0},
+        **{f"K{k}": 0.0 for k in (2, 4, 5, 6, 7, 8)},
+    }
+
+
 GOVERNOR = Effect(
     name="governor",
     title="Turbine-governor (TGOV1) with dead band",
@@ -99,6 +113,7 @@ STEAM_GOVERNOR = replace(
     told="The file of {unit} has no governor; one of a steam turbine acted",
     devices=("without governor",),
     equations=steam,
+    record=ieeeg1_record,
     parameters=(
         *GOVERNOR.parameters[:3],
         value("TCH", 0.25, 0.02, 0.6, "s", "governor", "T_CH", "time constant of the steam chest"),

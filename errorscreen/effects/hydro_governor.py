@@ -17,12 +17,15 @@ of the equilibrium. HYGOV of the PSS/E model library has the same governor, and 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from errorscreen.effects.base import Effect, strength, value
 from errorscreen.engine.vmath import clip, hold_at_limits
 
 _P_MAX = 1.2
+#: pu/s: limit of the gate's rate that is not reached
+_FREE_RATE = 10.0
 
 
 def hydro(
@@ -54,6 +57,15 @@ def hydro(
     )
 
 
+def hygov_record(values: Mapping[str, float]) -> tuple[str, dict[str, float]]:
+    """Record HYGOV that answers alike to small deviations, without dead band and loss at no load."""
+    return "HYGOV", {
+        **{"R": values["R"], "r": 1.0 / values["K"], "Tr": values["TR"], "Tf": 0.0, "Tg": values["TG"]},
+        **{"VELM": _FREE_RATE, "GMAX": _P_MAX, "GMIN": 0.0, "TW": values["TW"] / values["P"]},
+        **{"At": 1.0, "Dturb": 0.0, "qNL": 0.0},
+    }
+
+
 HYDRO_GOVERNOR = Effect(
     name="hydro_governor",
     title="Hydro turbine-governor with water hammer",
@@ -61,6 +73,7 @@ HYDRO_GOVERNOR = Effect(
     port="Pm",
     devices=("without governor",),
     equations=hydro,
+    record=hygov_record,
     parameters=(
         strength(
             "K", 2.5, 10.0, "pu", "governor", "K", "reciprocal of the temporary droop; 0: constant power"

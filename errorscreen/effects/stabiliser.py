@@ -24,6 +24,7 @@ in place of (S2). With an exciter the signal acts at its summing point, and its 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -66,6 +67,17 @@ def stabiliser_input(
     return value + clip(K * y, -Vmax, Vmax), dw, dx, dz
 
 
+def ieeest_record(values: Mapping[str, float]) -> tuple[str, dict[str, float]]:
+    """Record IEEEST with these equations: input code 1, no filter, no limit of the voltage."""
+    lead, lag = values["T1_T2"] * values["T2"], values["T2"]
+    return "IEEEST", {
+        **{"IC": 1.0, "IB": 0.0},
+        **{f"A{k}": 0.0 for k in range(1, 7)},
+        **{"T1": lead, "T2": lag, "T3": lead, "T4": lag, "T5": values["TW"], "T6": values["TW"]},
+        **{"KS": values["K"], "LSMAX": values["Vmax"], "LSMIN": -values["Vmax"], "VCU": 0.0, "VCL": 0.0},
+    }
+
+
 STABILISER = Effect(
     name="stabiliser",
     title="Power system stabiliser",
@@ -104,6 +116,7 @@ STABILISER_INPUT = replace(
     port="Vs",
     devices=("exciter without stabiliser",),
     equations=stabiliser_input,
+    record=ieeest_record,
     parameters=(
         strength("K", 10.0, 50.0, "pu", "stabiliser", "K", "signal per speed deviation; 0: none"),
         *UNIT_STABILISER.parameters[1:],

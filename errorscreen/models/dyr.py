@@ -28,6 +28,7 @@ from errorscreen.models.dyr_text import (
     spans,
 )
 from errorscreen.models.part import Part
+from errorscreen.models.standard import PARTS
 from errorscreen.models.unit import family_of, in_slots, unit
 
 if TYPE_CHECKING:
@@ -226,6 +227,15 @@ class DyrFile(Displayed):
         for record, new in wanted.items():
             edits |= record.changed(new)
         return replaced(self.text, edits)
+
+    def extended(
+        self, bus: Bus | None, id: str | int | None, records: Iterable[tuple[str, Mapping[str, float]]]
+    ) -> DyrFile:
+        """File with further records of a unit behind its last one, each a model and its constants by name."""
+        last = self._by_unit[self.key(bus, id)][-1]
+        at, newline = last.end_of_line, "\r\n" if "\r\n" in self.text else "\n"
+        new = "".join(newline + last.sibling(PARTS[model], values) for model, values in records)
+        return DyrFile(self.path, self.text[:at] + new + self.text[at:], self.encoding)
 
     def write(
         self,

@@ -124,6 +124,24 @@ class DyrRecord:
                 raise error
         return texts
 
+    @property
+    def end_of_line(self) -> int:
+        """Position in the text at which the last line of the record ends."""
+        found = self._text.find("\n", max(self._span.lines[-1][2], self._span.behind[1]))
+        end = len(self._text) if found < 0 else found
+        return end - self._text[:end].endswith("\r")
+
+    def sibling(self, part: Part, values: Mapping[str, float]) -> str:
+        """Text of another record of the same unit; `InputError` if it could not be used."""
+        for error in part.wrong(values, lambda name: f"{part.name} of unit {self.bus} {self.id!r}"):
+            raise error
+        bus, _, id = (
+            f"'{token.text}'" if token.quoted else token.text
+            for token in islice(tokens(self._text, self._span.lines), HEADER)
+        )
+        numbers = (written(values[one.name], whole=one.integer) for one in part.fields)
+        return f"{bus} '{part.name}' {id}  {' '.join(numbers)} /"
+
     def _place(self, values: Sequence[DyrValue], name: str) -> str:
         """Place of a constant, or of the record (``""``)."""
         for one in values:

@@ -6,12 +6,13 @@ A record is ``bus 'MODEL' id values /``, with blanks or commas between the field
 
 from __future__ import annotations
 
+import difflib
 import math
 import re
 import stat
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
-from itertools import groupby, islice
+from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
@@ -240,23 +241,40 @@ def replaced(text: str, changes: Mapping[Token, str]) -> str:
 
 
 def difference(old: str, new: str, names: tuple[str, str]) -> str:
-    """Difference of two texts with the same number of lines in the unified format.
+    """Difference of two texts in the unified format.
 
-    `difflib` takes minutes for a file with hundreds of thousands of lines; here the lines face each other.
+    `difflib` takes minutes for a file with hundreds of thousands of lines; what is alike at both ends is left out here.
+    Lines of texts with the same number of lines face each other.
     """
     before, after = _WHOLE_LINE.findall(old), _WHOLE_LINE.findall(new)
-    changed = [k for k, pair in enumerate(zip(before, after, strict=True)) if pair[0] != pair[1]]
-    out = [f"--- {names[0]}\n", f"+++ {names[1]}\n"] if changed else []
-    while changed:
-        first = last = changed[0]
-        while changed and changed[0] <= last + 2 * CONTEXT + 1:
-            last = changed.pop(0)
-        low, high = max(0, first - CONTEXT), min(len(before), last + CONTEXT + 1)
-        out.append(f"@@ -{low + 1},{high - low} +{low + 1},{high - low} @@\n")
-        for same, block in groupby(range(low, high), key=lambda k: before[k] == after[k]):
-            rows = list(block)
-            out += [_marked(" " if same else "-", before[k]) for k in rows]
-            out += [] if same else [_marked("+", after[k]) for k in rows]
+    if len(before) == len(after):
+        changed = [k for k, pair in enumerate(zip(before, after, strict=True)) if pair[0] != pair[1]]
+        blocks = [(k, k + 1, k, k + 1) for k in changed]
+    else:
+        fewest = min(len(before), len(after))
+        head = next((k for k in range(fewest) if before[k] != after[k]), fewest)
+        tail = next((k for k in range(fewest - head) if before[-1 - k] != after[-1 - k]), fewest - head)
+        middle = before[head : len(before) - tail], after[head : len(after) - tail]
+        found = difflib.SequenceMatcher(None, *middle, autojunk=False).get_opcodes()
+        blocks = [(head + a, head + b, head + c, head + d) for kind, a, b, c, d in found if kind != "equal"]
+    out = [f"--- {names[0]}\n", f"+++ {names[1]}\n"] if blocks else []
+    while blocks:
+        hunk = [blocks.pop(0)]
+        while blocks and blocks[0][0] <= hunk[-1][1] + 2 * CONTEXT:
+            a, b, c, d = blocks.pop(0)
+            if a == hunk[-1][1] and c == hunk[-1][3]:  # neighbours
+                a, _, c, _ = hunk.pop()
+            hunk.append((a, b, c, d))
+        done = low = max(0, hunk[0][0] - CONTEXT)
+        shift, grown = hunk[0][2] - hunk[0][0], hunk[-1][3] - hunk[-1][1]
+        high = min(len(before), hunk[-1][1] + CONTEXT)
+        out.append(f"@@ -{low + 1},{high - low} +{low + shift + 1},{high - low + grown - shift} @@\n")
+        for a, b, c, d in hunk:
+            out += [_marked(" ", line) for line in before[done:a]]
+            out += [_marked("-", line) for line in before[a:b]]
+            out += [_marked("+", line) for line in after[c:d]]
+            done = b
+        out += [_marked(" ", line) for line in before[done:high]]
     return "".join(out)
 
 

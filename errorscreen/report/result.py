@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from dataclasses import dataclass, is_dataclass
+from dataclasses import dataclass, field, is_dataclass
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -165,9 +165,24 @@ class Run:
     reused: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True, repr=False)
+class NewRecord:
+    """Record of a standard model that the user's file lacks.
+
+    Parameters
+    ----------
+    model : str
+    values : dict of str to float
+        Its constants.
+    """
+
+    model: str
+    values: dict[str, float]
+
+
 @dataclass(frozen=True)
 class Correction:
-    """Numbers of the user's model file that have to change.
+    """What has to change in the user's model file.
 
     Parameters
     ----------
@@ -176,11 +191,15 @@ class Correction:
     original : str
         The user's file.
     parameters : tuple of Estimate
-        Changed constants with their intervals; all others keep the values of the file.
+        Changed constants, and parameters of added parts, with their intervals; all others keep the values of the file.
     before, chi2_per_sample : float
         χ²/N on the fitted recordings with the values of the file, and with these changes.
     difference : str
         Lines of the file that change, in the unified format.
+    values : dict of str to float
+        Constants of the file with their new values.
+    records : tuple of NewRecord
+        Parts that the file lacks.
     """
 
     path: str
@@ -189,6 +208,8 @@ class Correction:
     before: Real
     chi2_per_sample: Real
     difference: str
+    values: dict[str, float] = field(default_factory=dict)
+    records: tuple[NewRecord, ...] = ()
 
 
 @dataclass(frozen=True, repr=False)

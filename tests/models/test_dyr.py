@@ -3,6 +3,8 @@
 import csv
 import os
 import re
+import shutil
+import subprocess
 import warnings
 from collections import defaultdict
 from pathlib import Path
@@ -15,7 +17,7 @@ from hypothesis import strategies as st
 import errorscreen as es
 from errorscreen.exceptions import DataWarning, InputError
 from errorscreen.models.dyr import DyrFile, read_dyr
-from errorscreen.models.dyr_text import LARGEST, written
+from errorscreen.models.dyr_text import LARGEST, difference, written
 from errorscreen.models.standard import PARTS
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data"
@@ -621,3 +623,23 @@ def test_of_two_records_in_a_slot_the_one_that_is_not_left_out_can_be_changed():
     file = DyrFile("unit.dyr", text)
     assert file.unit(leave_out=["SCRX"]).name == "GENROU+SEXS"
     assert file.changed(101, 1, {"SEXS.K": 150.0}) == text.replace("100.0", "150.0", 1)
+
+
+@pytest.mark.skipif(shutil.which("patch") is None, reason="patch is not installed")
+@given(st.data())
+def test_a_difference_is_one_that_patch_applies(tmp_path_factory, data):
+    """Whatever lines change, appear or vanish."""
+    lines = data.draw(st.lists(st.sampled_from(["a", "b", "c", "d", "e"]), min_size=1, max_size=30))
+    new = list(lines)
+    for _ in range(data.draw(st.integers(0, 4))):
+        at = data.draw(st.integers(0, len(new)))
+        new[at : at + data.draw(st.integers(0, 1))] = [data.draw(st.sampled_from(["x", "y", "a"]))]
+    old_text, new_text = ("".join(f"{line}\n" for line in one) for one in (lines, new))
+    found = difference(old_text, new_text, ("old", "new"))
+    folder = tmp_path_factory.mktemp("patch")
+    (folder / "old").write_text(old_text)
+    if found:
+        subprocess.run(
+            ["patch", "--quiet", "--fuzz=0", str(folder / "old")], input=found, text=True, check=True
+        )
+    assert (folder / "old").read_text() == new_text

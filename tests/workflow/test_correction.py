@@ -156,3 +156,62 @@ def test_the_report_tells_the_flag_without_an_interval(of_flag):
     assert "What to change in the model file" in report
     assert "Something unknown remains" not in report
     assert "REECB1.PQFLAG.on" not in report
+
+
+@pytest.fixture(scope="module")
+def of_part(tmp_path_factory):
+    """Outcome for a machine whose file lacks its exciter, and the folder."""
+    folder = tmp_path_factory.mktemp("part")
+    machine = DYR.format(H="4.0").splitlines()[1]
+    (folder / "truth.dyr").write_text(f"{machine}\n101 'SEXS' 1  0.1 10.0 100.0 0.1 0.0 5.0 /\n")
+    (folder / "unit.dyr").write_text(f"{machine}   as built\n")
+    listed = '[discovery]\neffects = ["exciter", "lag_Q"]\nfits = 2\nmax_effects = 1'
+    (folder / "case.toml").write_text(
+        CASE.replace(",\n  ", ", ").replace("[discovery]\nenabled = false", listed)
+    )
+    time = np.arange(0.0, 8.0, 0.01)
+    after = np.clip(time - 2.0, 0.0, None)
+    signals = {
+        "V": 1.0 - 0.3 * ((time > 2.0) & (time < 2.12)) - 0.03 * (1 - np.exp(-after)),
+        "angle": -0.2 * (1 - np.exp(-2 * after)),
+    }
+    event = Playback(time, "dip", 2.0, signals, {"V": 1.0, "P": 0.7, "Q": 0.1})
+    truth = PlantSimulator(read_dyr(folder / "truth.dyr").unit(), event, step=0.00125)
+    P, Q = truth.simulate(truth.parameters.nominal).require_ok().values[0]
+    rng = np.random.default_rng(6)
+    columns = [time, signals["V"], signals["angle"], P, Q]
+    columns[1:] = [one + rng.normal(0, 2e-4, len(time)) for one in columns[1:]]
+    np.savetxt(
+        folder / "event.csv", np.column_stack(columns), "%.7g", ",", header="t,V,angle,P,Q", comments=""
+    )
+    text = (folder / "case.toml").read_text().replace("event_time = 1.0", "event_time = 2.0")
+    (folder / "case.toml").write_text(text)
+    return run_study(Study.from_case(load_case(folder / "case.toml")), folder / "out"), folder
+
+
+def test_a_part_that_the_file_lacks_becomes_a_record(of_part):
+    outcome, folder = of_part
+    found = outcome.result
+    assert [effect.name for effect in found.diagnosis.extension] == ["exciter"]
+    (record,) = found.correction.records
+    assert record.model == "SEXS"
+    assert found.correction.chi2_per_sample < 1.2 < found.correction.before
+    K = next(one for one in found.correction.parameters if one.name == "exciter.K")
+    assert K.low < 100.0 < K.high
+    written = write_outputs(outcome, folder / "out")[-1]
+    first, second = written.read_text().splitlines()[:2]
+    assert first.endswith("as built")
+    assert second.startswith("101 'SEXS' 1  ")
+    case = load_case(folder / "case.toml")
+    plant = PlantSimulator(read_dyr(written).unit(), case.load_recording())
+    observation = plant.observe(case.load_recording())
+    y = plant.simulate(plant.parameters.nominal, observation.event).values[0]
+    z = observation.deviations(y)[observation.mask]
+    assert np.mean(z**2) < 1.2
+
+
+def test_the_report_tells_the_new_record(of_part):
+    outcome, folder = of_part
+    report = write_outputs(outcome, folder / "out")[1].read_text(encoding="utf-8")
+    assert "lacks SEXS" in report
+    assert "+101 &#39;SEXS&#39;" in report or "+101 'SEXS'" in report
