@@ -13,9 +13,11 @@ from errorscreen.calibration.result import Calibration, Estimate
 from errorscreen.discovery import Diagnosis
 from errorscreen.discovery.search_step import search_simulator
 from errorscreen.effects.base import Effect
+from errorscreen.events import Playback
 from errorscreen.models.dyr_text import difference
 from errorscreen.models.set_points import SET_POINTS, size_name
 from errorscreen.report.result import Correction, NewRecord
+from errorscreen.simulators import PlantSimulator
 from errorscreen.simulators.base import Simulator
 from errorscreen.workflow.study import Study
 
@@ -127,15 +129,17 @@ def _in_file(
     no_constants = {size_name(quantity) for quantity in SET_POINTS}
     no_constants |= {effect.local(p.name) for effect in named for p in effect.parameters}
     values = {name: value for name, value in moved.items() if name not in no_constants}
-    records = []
-    power = float(getattr(study.observation.event, "initial", {}).get("P", 0.0))
+    records, plant, event = [], study.simulator, study.observation.event
+    assert isinstance(plant, PlantSimulator)  # a model file is that of a plant
+    assert isinstance(event, Playback)
+    power = float(event.initial["P"])
     for effect in named:
         own = {p.name: moved[effect.local(p.name)] for p in effect.fitted}
         if effect.record is not None:
             records.append(NewRecord(*effect.record({**own, "P": power})))
         elif not effect.switch:
             found = effect.equations(*(own[p.name] for p in effect.parameters))
-            constants = [p.name for p in study.simulator.parameters] + [*study.simulator.constants]
+            constants = [*plant.device.candidates.names, *plant.constants]
             for port, new in zip((effect.port, *effect.beside), found, strict=True):
                 values[next(name for name in constants if name.rpartition(".")[2] == port)] = float(new)
     return values, tuple(records)
