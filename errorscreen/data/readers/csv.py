@@ -31,6 +31,8 @@ DELIMITERS = (",", ";", "\t", "|")
 WHITESPACE = "whitespace"
 #: what a line of comment above the header begins with
 _COMMENTS = ("#", "!", "//")
+#: bytes that are looked at together
+_BLOCK = 2**22
 #: first line by which spreadsheets state the delimiter
 _STATED = re.compile(r"sep=(.)\s*", re.IGNORECASE)
 
@@ -249,7 +251,7 @@ def read_table(
     return found
 
 
-@dataclass(frozen=True)
+@dataclass
 class _Head:
     """What stands above the first row of numbers, and the text below it."""
 
@@ -361,18 +363,15 @@ def _is_number(cell: str, decimal: str) -> bool:
 
 def _read_fast(head: _Head, wanted: Sequence[str], layout: Layout, texts: set[str]) -> Table | None:
     """The table by the parser of pandas, where every line has as many fields as the header; else None."""
-    body = head.body.rstrip()
-    if head.delimiter == WHITESPACE or len(head.names) == 1 or '"' in body or not body.isascii():
+    if head.delimiter == WHITESPACE or len(head.names) == 1 or '"' in head.body or not head.body.isascii():
         return None
-    marks = np.frombuffer(body.encode("ascii"), dtype=np.uint8)
-    ends = np.append(np.flatnonzero(marks == ord("\n")), len(marks))
-    fields = np.diff(np.searchsorted(np.flatnonzero(marks == ord(head.delimiter)), ends), prepend=0) + 1
-    del marks
-    if not len(body) or (fields != len(head.names)).any():
+    data = head.body.encode("ascii").rstrip()
+    if not _even(data, head.delimiter, len(head.names)):
         return None
+    head.body = ""  # a large file is held once
     places = [head.names.index(name) for name in wanted]
     frame = pd.read_csv(
-        io.StringIO(body), sep=head.delimiter, decimal=layout.decimal, header=None, usecols=places, quoting=3,
+        io.BytesIO(data), sep=head.delimiter, decimal=layout.decimal, header=None, usecols=places, quoting=3,
         skip_blank_lines=False, skipinitialspace=True, low_memory=False,
         dtype={place: str for name, place in zip(wanted, places, strict=True) if name in texts},
     )  # fmt: skip
@@ -382,6 +381,21 @@ def _read_fast(head: _Head, wanted: Sequence[str], layout: Layout, texts: set[st
         for name, column in ((name, frame[place]) for name, place in zip(wanted, places, strict=True))
     }  # fmt: skip
     return Table(cells, range(head.line, head.line + len(frame)), head.source, units=head.units)
+
+
+def _even(data: bytes, delimiter: str, width: int) -> bool:
+    """Whether every line has as many fields."""
+    begin = 0
+    while begin < len(data):
+        end = data.find(b"\n", begin + _BLOCK)
+        end = len(data) if end < 0 else end
+        block = np.frombuffer(data[begin:end], dtype=np.uint8)
+        lines = np.append(np.flatnonzero(block == ord("\n")), len(block))
+        found = np.searchsorted(np.flatnonzero(block == ord(delimiter)), lines)
+        if (np.diff(found, prepend=0) != width - 1).any():
+            return False
+        begin = end + 1
+    return begin > 0
 
 
 def _read_rows(head: _Head, wanted: Sequence[str]) -> Table:
