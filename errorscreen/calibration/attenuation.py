@@ -77,18 +77,21 @@ def bias_corrected(search: BoundedSearch, problem: FitProblem, smooth: ArrayLike
             found = trial
         if not before - after > _GAIN:
             break
-    found = _lowest(found, problem, smooth)
+    found = _lowest(found, problem)
     found.best.state = search.best.state
     found.differentiate(found.tracks)
     return found
 
 
-def _lowest(search: BoundedSearch, problem: FitProblem, smooth: ArrayLike) -> BoundedSearch:
-    """Search at the lowest point of (K1) on undamped steps with a new slope each; the search itself at the start."""
+def _lowest(search: BoundedSearch, problem: FitProblem) -> BoundedSearch:
+    """Search at the lowest point of (K1) on undamped steps with a new slope each; the search itself at the start.
+
+    The slope counts in all parameters: where the energy does not follow one smoothly, (K1) is not lower there.
+    """
     slope, energy = noise_slope(problem, search.best.u)
     lowest, moving = search.untilted - energy, search.alone(replace(search.best))
     for _ in range(_UNDAMPED):
-        moving.tilt(np.where(smooth, slope, 0.0))
+        moving.tilt(slope)
         track = moving.undamped(moving.best)
         if track is None:
             break

@@ -89,3 +89,22 @@ def test_without_injected_noise_a_fit_stays_where_it_is():
     search = searched(problem, np.zeros(len(problem.names)))
     assert not problem.passes_noise
     np.testing.assert_array_equal(bias_corrected(search, problem).best.u, search.best.u)
+
+
+def corrected_objective(problem, u):
+    """(K1)."""
+    z = problem.residuals(problem.values(u))[0]
+    return float(z @ z - noise_slope(problem, u)[1] + (u @ u) / 0.3**2)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_end_is_the_lowest_point_that_was_seen(seed):
+    """Also where parameters are said not to be followed smoothly, so that the first steps leave them out."""
+    hidden = noisy(seed)
+    problem = FitProblem(hidden.simulator, list(hidden.recordings))
+    search = searched(problem, (hidden.theta - problem.space.nominal) / problem.space.scales)
+    smooth = np.arange(len(problem.names)) % 2 == 0
+    whole, half = (bias_corrected(search, problem, mask).best.u for mask in (True, smooth))
+    ends = [corrected_objective(problem, u) for u in (whole, half, search.best.u)]
+    assert max(ends[:2]) < ends[2]
+    assert abs(ends[0] - ends[1]) < 1.0  # of the order of a standard deviation squared
