@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,8 +14,8 @@ import numpy as np
 from errorscreen.calibration import CALIBRATORS, BaseCalibrator
 from errorscreen.data.frames import Specs, from_frame
 from errorscreen.data.headers import guess_columns, guess_time, time_unit_of
-from errorscreen.data.readers import READERS, recognised
-from errorscreen.data.readers.csv import Layout, read_headers
+from errorscreen.data.readers import READERS, check_options, read_recording, recognised
+from errorscreen.data.readers.base import LAYOUT_KEYS
 from errorscreen.data.recordings import Recording
 from errorscreen.discovery.finder import CauseFinder
 from errorscreen.exceptions import InputError
@@ -24,8 +24,8 @@ from errorscreen.simulators.base import Simulator
 if TYPE_CHECKING:
     import pandas as pd
 
-#: Options of `read_csv` that decide where the headers of a file are.
-_LAYOUT = tuple(field.name for field in fields(Layout))
+#: Options that decide where the headers of a file are.
+_LAYOUT = LAYOUT_KEYS - {"time", "time_unit", "time_format", "time_base", "quality"}
 
 
 def read(
@@ -85,10 +85,12 @@ def read(
     reader: Callable[..., Recording]
     if isinstance(source, str | os.PathLike):
         where, form = f"file {source}", format or recognised(Path(source))
-        reader = partial(READERS.find(form, "read").read, source)
-        layout = {name: options[name] for name in _LAYOUT if name in options}
-        headers = read_headers(Path(source), Layout(**layout)) if form == "csv" else []
-        guess = READERS.find(form, "read").needs_columns and "waveforms" not in options
+        found = READERS.find(form, "read")
+        check_options(form, options, where)
+        reader = partial(read_recording, Path(source), format=form)
+        layout = {name: options[name] for name in _LAYOUT & options.keys()}
+        headers = found.headers(Path(source), **layout) if found.headers is not None else []
+        guess = found.needs_columns and "waveforms" not in options
     else:
         if format is not None:
             raise InputError(

@@ -54,7 +54,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     out = options.default_out if options.out is None else options.out
     try:
         with at_each_line(partial(_line, not getattr(options, "quiet", False))):
-            options.command(options, out)
+            code = options.command(options, out)
     except SuspectReadingsError as error:
         print(
             f"errorscreen: {error}\nCorrect the case file. If the recording is right as it is, give "
@@ -75,7 +75,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print(f"\nerrorscreen: interrupted. {options.interrupted}", file=sys.stderr)
         return INTERRUPTED
-    return 0
+    return code or 0
 
 
 def script() -> None:
@@ -139,6 +139,18 @@ def _parser() -> argparse.ArgumentParser:
             action="store_true",
             help="go on although a reading of a recording is suspect",
         )
+
+    init = commands.add_parser("init", help="look at a recording and write a commented case file for it")
+    init.add_argument("file", metavar="FILE", help="recording")
+    init.add_argument("--dyr", metavar="UNIT.dyr", help="model file of the unit")
+    init.add_argument(
+        "--out", metavar="CASE.toml", help="case file (default: name of FILE here); the picture is CASE.png"
+    )
+    init.set_defaults(command=_init, default_out=None, interrupted="Start it again.")
+
+    check = commands.add_parser("check", help="all problems of a case file at once, and the time of its run")
+    check.add_argument("case", metavar="CASE.toml", help="case file")
+    check.set_defaults(command=_check, out=None, default_out=None, interrupted="")
 
     keys = commands.add_parser("keys", help="keys of a case file: default, allowed values, meaning")
     keys.add_argument("section", nargs="?", metavar="SECTION", help="for example recording (default: all)")
@@ -241,6 +253,27 @@ def _diagnose(options: argparse.Namespace, out: str | None) -> None:
     case = case.model_copy(update=changes)
     folder = _case_folder(options, case, out, "diagnosis", within="diagnose")
     _study(lambda: Study.from_case(case), folder, options)
+
+
+def _init(options: argparse.Namespace, out: str | None) -> None:
+    from errorscreen.workflow.init_case import init_case
+
+    written = init_case(options.file, options.dyr, out)
+    for text in written.check:
+        print(f"Check: {text}")
+    for text in written.missing:
+        print(f"State: {text}")
+    print("Written: " + ", ".join(str(path) for path in (written.case, written.picture) if path))
+    again = "Complete it, then: " if written.missing else ""
+    print(f"Next: {again}errorscreen check {written.case}")
+
+
+def _check(options: argparse.Namespace, out: None) -> int:
+    from errorscreen.workflow.check_case import check_case
+
+    found = check_case(options.case)
+    print(found.summary())
+    return BAD_INPUT if found.problems else SUSPECT if found.suspects else 0
 
 
 def _keys(options: argparse.Namespace, out: None) -> None:

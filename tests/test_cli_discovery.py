@@ -99,7 +99,9 @@ def test_the_network_is_the_same_beside_a_search_as_without_one(tmp_path):
 def test_a_doubtful_sign_is_what_to_check_first(arguments, tmp_path, capsys):
     text = CASE.replace('"cnn", ', "").replace('unit = "MW"', 'unit = "MW"\nsign = "load"')
     out = tmp_path / "out"
-    assert main(["run", folder(tmp_path, text), "--out", str(out), "--quiet", *arguments]) == 0
+    call = ["run", folder(tmp_path, text), "--out", str(out), "--quiet", *arguments]
+    assert main(call) == 3
+    assert main([*call, "--accept-readings"]) == 0
     hint = "r: P before the event is -0.721 pu, but generation is positive: check its sign."
     first = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("Next: "))
     assert first == f"Next: {hint}"

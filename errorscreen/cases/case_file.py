@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import tomllib
+from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from pydantic import PrivateAttr, ValidationError
 
@@ -18,7 +19,7 @@ from errorscreen.cases.case_models import (
     ScreeningSection,
     SimulationSection,
 )
-from errorscreen.cases.key_errors import explained, placed
+from errorscreen.cases.key_errors import explained, placed, with_others
 from errorscreen.cases.keys import key_tables
 from errorscreen.cases.model_sections import EVENTS, DeviceSection, GridSection
 from errorscreen.cases.plant_section import PlantSection
@@ -223,22 +224,64 @@ def load_case(path: str | os.PathLike[str]) -> Case:
         If the file cannot be used; with file, key, found and allowed value.
     """
     path = Path(path)
+    examined = examine_case(path)
+    if examined.case is None:
+        raise with_others(examined.problems)
+    if examined.problems:
+        raise examined.problems[0]
+    return examined.case
+
+
+class ExaminedCase(NamedTuple):
+    """A case file with all of its problems.
+
+    Parameters
+    ----------
+    case : Case or None
+        None where keys are wrong.
+    problems : list of InputError
+    recordings : dict of str to RecordingSection
+        Those whose keys are right, as `Case.recordings`.
+    """
+
+    case: Case | None
+    problems: list[InputError]
+    recordings: dict[str, RecordingSection]
+
+
+def examine_case(path: str | os.PathLike[str]) -> ExaminedCase:
+    """Read a case file, and tell all of its problems; `InputError` only if it is no TOML file."""
+    path = Path(path)
     source = f"case file {path}"
     data = _parse(path, source)
     _inherit(data)
     try:
         case = Case.model_validate(data)
-        case._folder, case._source = path.parent, source
-        case.parameters()
-        case.check_events()
-        case.check_inputs()
-        case.check_apart()
-        case.network()
     except ValidationError as error:
-        raise explained(error, Case, _FURTHER, source) from None
-    except InputError as error:
-        raise placed(error, source) from None
-    return case
+        return ExaminedCase(None, explained(error, Case, _FURTHER, source), _sections(data))
+    case._folder, case._source = path.parent, source
+    problems: list[InputError] = []
+    for check in (case.parameters, case.check_events, case.check_inputs, case.check_apart, case.network):
+        try:
+            check()
+        except InputError as error:
+            found = placed(error, source)
+            if str(found) not in map(str, problems):
+                problems.append(found)
+    return ExaminedCase(case, problems, case.recordings)
+
+
+def _sections(data: dict[str, Any]) -> dict[str, RecordingSection]:
+    """Sections of recordings that are right, in a case file that is not."""
+    given = {"recording": data.get("recording")}
+    for key in _FURTHER:
+        if isinstance(data.get(key), list):
+            given |= {f"{key}[{n}]": one for n, one in enumerate(data[key], start=1)}
+    found = {}
+    for key, one in given.items():
+        with suppress(ValidationError):
+            found[key] = RecordingSection.model_validate(one)
+    return found
 
 
 def case_reference(section: str | None = None) -> str:

@@ -76,6 +76,13 @@ class QualitySection(Section):
     good: list[str] = setting(..., "its texts in rows that hold readings", min_length=1)
 
 
+class LongSection(Section):
+    """Columns of a file with one reading in each row."""
+
+    tag: str = setting(..., "header of the column with the tags, which `columns` then names")
+    value: str = setting(..., "header of the column with the readings")
+
+
 def _listed(found: Any) -> Any:
     """A single table as a list of one."""
     return [found] if isinstance(found, dict) else found
@@ -125,6 +132,8 @@ class RecordingSection(Section):
     skip_rows: int = setting(0, "lines above the header", ge=0)
     header_rows: Count = setting(1, "rows of the header, whose cells are joined by `|`")
     header: list[str] | None = setting(None, "names of the columns of a file without headers")
+    sheet: str | None = setting(None, "of a workbook; the first one if not given")
+    long: LongSection | None = setting(None, "of a file with a tag, a time and a value in each row")
     load_level: Positive = setting(1.0, "grid: factor on all loads and generators before the event")
     fault: FaultSection | None = setting(None, "grid: the event")
     line_trip: LineTripSection | None = setting(None, "grid: the event")
@@ -169,7 +178,7 @@ class RecordingSection(Section):
         direct = {"path", "format", "columns", "shift", "step", *EVENTS, "load_level"}
         columns = {role: Column(**dict(section)) for role, section in self.columns.items()}
         options = {key: value for key, value in self if key in self.model_fields_set - direct}
-        for key in options.keys() & {"quality", "waveforms"}:
+        for key in options.keys() & {"quality", "waveforms", "long"}:
             options[key] = {k: v for k, v in options[key] if v is not None}
         if self.steps and self.event_time is None:
             options["event_time"] = self.steps[0].time

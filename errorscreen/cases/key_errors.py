@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
 
 from errorscreen.cases.keys import nested, sections
 from errorscreen.exceptions import InputError, unknown_name
@@ -34,36 +35,48 @@ def placed(error: InputError, source: str, key: str = "") -> InputError:
 
 def explained(
     error: ValidationError, model: type[BaseModel], further: tuple[str, ...], source: str
-) -> InputError:
-    """One of pydantic's errors in plain words, and the number of the others.
-    An unknown key comes first, because a misspelt key is also missing. Inherited keys count once.
+) -> list[InputError]:
+    """Pydantic's errors in plain words.
+    Unknown keys come first, because a misspelt key is also missing. Inherited keys count once.
     """
     own = [e["loc"][1:] for e in error.errors() if e["loc"][0] == "recording"]
     errors = [e for e in error.errors() if e["loc"][0] not in further or e["loc"][2:] not in own]
-    first = min(errors, key=lambda e: e["type"] != "extra_forbidden")
-    location, kind, found, context = first["loc"], first["type"], first["input"], first.get("ctx", {})
-    remedy = f"{len(errors) - 1} further keys are wrong" if len(errors) > 1 else None
+    errors.sort(key=lambda e: e["type"] != "extra_forbidden")
+    return [_explained(one, model, source) for one in errors]
+
+
+def _explained(error: ErrorDetails, model: type[BaseModel], source: str) -> InputError:
+    location, kind, found, context = error["loc"], error["type"], error["input"], error.get("ctx", {})
     key, above = _dotted(location), f"[{_dotted(location[:-1])}]" if location[:-1] else ""
     noun = "section or key" if len(location) == 1 else "key"
     cause = context.get("error")
     if kind == "missing":
-        found_error, key = InputError(f"{noun} {location[-1]!r} is missing", remedy=remedy), above
+        found_error, key = InputError(f"{noun} {location[-1]!r} is missing"), above
     elif kind == "extra_forbidden":
-        found_error, key = _unknown_key(location, model, noun, remedy), above
+        found_error, key = _unknown_key(location, model, noun), above
     elif isinstance(cause, InputError):
-        found_error = InputError(cause.what, allowed=cause.allowed, remedy=cause.remedy or remedy)
+        found_error = InputError(cause.what, allowed=cause.allowed, remedy=cause.remedy)
     elif kind == "literal_error":
         allowed = context["expected"].replace(" or ", ", ").replace("'", "").split(", ")
-        found_error = unknown_name(str(found), allowed, kind="value", remedy=remedy)
+        found_error = unknown_name(str(found), allowed, kind="value")
     else:
-        allowed = _ALLOWED.get(kind, first["msg"]).format(**context)
-        found_error = InputError(f"{found!r} was found", allowed=allowed, remedy=remedy)
+        allowed = _ALLOWED.get(kind, error["msg"]).format(**context)
+        found_error = InputError(f"{found!r} was found", allowed=allowed)
     return placed(found_error, source, key)
 
 
-def _unknown_key(location: Location, model: type[BaseModel], noun: str, remedy: str | None) -> InputError:
+def with_others(errors: list[InputError]) -> InputError:
+    """The first of several errors; without a remedy of its own it tells the number of the others."""
+    first = errors[0]
+    if len(errors) == 1 or first.remedy:
+        return first
+    remedy = f"{len(errors) - 1} further keys are wrong"
+    return InputError(first.what, where=first.where, allowed=first.allowed, remedy=remedy)
+
+
+def _unknown_key(location: Location, model: type[BaseModel], noun: str) -> InputError:
     """Error for a key that its section does not know; another section may know it."""
-    key, section = str(location[-1]), model
+    key, section, remedy = str(location[-1]), model, None
     for part in location[:-1]:  # names in a table of sections, and numbers in a list, are no keys
         if isinstance(part, str) and part in section.model_fields:
             section = nested(section.model_fields[part].annotation) or section

@@ -32,7 +32,7 @@ _WITH_UNIT = re.compile(
 
 def time_unit_of(header: str) -> str | None:
     """Unit that the header of time stamps states; None without one."""
-    unit = _read_header(header)[1]
+    unit = role_and_unit(header)[1]
     return unit if unit in TIME_UNITS else None
 
 
@@ -46,7 +46,7 @@ def known_unit(role: str, text: str) -> str | None:
 
 def guess_time(headers: Iterable[str]) -> tuple[str | None, str | None]:
     """Header of the time stamps and the unit that it states; None where no header, or more than one, names them."""
-    found = [(header, unit) for header in headers for role, unit in [_read_header(header)] if role == "time"]
+    found = [(header, unit) for header in headers for role, unit in [role_and_unit(header)] if role == "time"]
     known = [(header, unit) for header, unit in found if unit is None or unit in TIME_UNITS]
     return known[0] if len(known) == 1 else (None, None)
 
@@ -58,7 +58,7 @@ def guess_columns(headers: Iterable[str], source: str) -> dict[str, Column]:
     problem = "no column names a channel"
     allowed = "V, angle, f, P, Q, or usual names with a unit, as 'P [MW]'"
     for header in headers:
-        role, unit = _read_header(header)
+        role, unit = role_and_unit(header)
         if role is None or role == "time":
             continue
         allowed = f"one column for {role}, in {', '.join(UNITS[role])}"
@@ -80,8 +80,8 @@ def guess_columns(headers: Iterable[str], source: str) -> dict[str, Column]:
     )
 
 
-def _read_header(header: str) -> tuple[str | None, str | None]:
-    """Channel and unit that a header names."""
+def role_and_unit(header: str) -> tuple[str | None, str | None]:
+    """Channel, or ``"time"``, and unit that a header names; None for each that it does not."""
     whole = _ROLES.get(_plain(header))
     if whole:
         return whole, None

@@ -165,7 +165,7 @@ def _read_texts(table: Table, form: TimeFormat, notes: list[str]) -> tuple[_Arra
     if len(wrong):
         row = int(wrong[0])
         found = str(texts[row])
-        fitting = ", ".join(repr(one) for one in (*_FORMATS, *_TIMES_OF_DAY) if _fits(found, one))
+        fitting = ", ".join(map(repr, fitting_formats(found)))
         raise InputError(
             f"{found!r} is no time stamp",
             where=table.place(row, form.header),
@@ -178,6 +178,11 @@ def _read_texts(table: Table, form: TimeFormat, notes: list[str]) -> tuple[_Arra
         seconds = seconds + _DAY * np.cumsum(np.diff(seconds, prepend=seconds[0]) < -0.5 * _DAY)
     notes.append(f"Time 0 is {texts[0] if form.of_day else first.isoformat()}.")
     return seconds, first
+
+
+def fitting_formats(text: str) -> list[str]:
+    """Usual formats, with the codes of `datetime.strptime`, that a time stamp may be written in."""
+    return [one for one in (*_FORMATS, *_TIMES_OF_DAY) if _fits(text, one)]
 
 
 def parse_dates(texts: pd.Series, pattern: str | None) -> pd.Series:

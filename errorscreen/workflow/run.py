@@ -74,7 +74,7 @@ def run_study(
     """
     start, started = perf_counter(), datetime.now(UTC).isoformat(timespec="seconds")
     store = Store(Path(out) / "stages")
-    nominal = tuple(_nominal(study.simulator, o) for o in study.observations)
+    nominal = tuple(nominal_response(study.simulator, o) for o in study.observations)
     with _selecting(study, store, progress, process) as (check, select):
         with at_each_line(lambda _: check()):  # a long search ends as soon as its result is in vain
             looked = _first_look(study, store)
@@ -301,7 +301,7 @@ def _kept(store: Store, name: str, kind: type[_T], compute: Callable[[], _T]) ->
     return from_json(kind, json.dumps(values))
 
 
-def _nominal(simulator: Simulator, observation: Observation) -> NDArray[np.float64]:
+def nominal_response(simulator: Simulator, observation: Observation) -> NDArray[np.float64]:
     """Response at the nominal parameters; if there is none, the recorded operating point is the first suspect."""
     event = observation.event
     responses = simulator.simulate(simulator.parameters.nominal, event)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from errorscreen.data import Column, read_csv
+from errorscreen.data import Column, read_csv, read_recording
 from errorscreen.data.plausibility import Doubt
 from errorscreen.exceptions import InputError
 
@@ -124,6 +124,11 @@ def test_11_a_table_without_headers():
     check(read("11-out-files-without-header/noheader.csv", header=["time", "V", "P", "Q"])[0])
     columns = {name: COLUMNS[name] for name in ("V", "P")}
     check(read("11-out-files-without-header/run_01.out", columns, header=["time", "V", "P"])[0])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        rec = read_recording(CASES / "11-out-files-without-header/run.inf", COLUMNS, **BASES)
+    check(rec)
+    assert rec.initial(["Q"])["Q"] == pytest.approx(0.1, abs=1e-3)
 
 
 def test_15_time_in_two_columns():

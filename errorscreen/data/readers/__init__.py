@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from errorscreen._runtime.registry import Registry
 from errorscreen.data.frames import Specs
-from errorscreen.data.readers.base import Reader
+from errorscreen.data.readers.base import LAYOUT_KEYS, Reader
 from errorscreen.data.readers.comtrade import COMTRADE
 from errorscreen.data.readers.csv import CSV
+from errorscreen.data.readers.excel import EXCEL
+from errorscreen.data.readers.matlab import MATLAB
+from errorscreen.data.readers.pscad import PSCAD
 from errorscreen.data.readers.text import check_file, refuse_other_format
 from errorscreen.data.recordings import Recording
 from errorscreen.exceptions import InputError
 
 #: Formats that recordings are read from. The last one is asked first: text files are what is left.
 READERS: Registry[Reader] = Registry(
-    "format", "errorscreen.readers", Reader, {"csv": CSV, "comtrade": COMTRADE}
+    "format",
+    "errorscreen.readers",
+    Reader,
+    {"csv": CSV, "comtrade": COMTRADE, "pscad": PSCAD, "matlab": MATLAB, "excel": EXCEL},
 )
 #: bytes that a format is recognised by
 _HEAD = 4096
@@ -42,7 +49,9 @@ def read_recording(
     InputError
         If the format is unknown or not recognised, or the file cannot be used.
     """
-    reader = READERS[format or recognised(Path(path))]
+    form = format or recognised(Path(path))
+    reader = READERS[form]
+    check_options(form, options, f"file {path}")
     if not columns and reader.needs_columns and "waveforms" not in options:
         raise InputError(
             "no column is mapped to a channel",
@@ -51,6 +60,19 @@ def read_recording(
             remedy="Give columns, or waveforms of three phases",
         )
     return reader.read(path, columns, **options)
+
+
+def check_options(form: str, options: Iterable[str], where: str) -> None:
+    """Refuse options that do not apply to a format."""
+    layout = READERS[form].layout
+    for key in options:
+        if layout is not None and key in LAYOUT_KEYS - layout:
+            raise InputError(
+                f"{key} does not apply to the format {form!r}",
+                where=where,
+                allowed=", ".join(sorted(layout)) or "no key that says how the file is laid out",
+                remedy="Leave it out",
+            )
 
 
 def recognised(path: Path) -> str:

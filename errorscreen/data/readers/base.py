@@ -7,6 +7,14 @@ from dataclasses import dataclass
 
 from errorscreen.data.recordings import Recording
 
+#: options that say how a file is laid out; the others say how readings are used, and apply to all formats
+LAYOUT_KEYS = frozenset(
+    {
+        *("time", "time_unit", "time_format", "time_base", "quality", "delimiter", "decimal", "encoding"),
+        *("skip_rows", "header_rows", "header", "sheet", "long"),
+    }
+)
+
 
 @dataclass(frozen=True)
 class Reader:
@@ -21,8 +29,14 @@ class Reader:
         options are the other keys of [recording] in a case file, as far as they are given there, see `read_csv`.
     needs_columns : bool
         Else `columns` may be None, because the files say what their channels are.
+    layout : frozenset of str, optional
+        Those of `LAYOUT_KEYS` that apply; all where not given.
+    headers : callable, optional
+        ``headers(path, **layout) -> list``: headers of the columns, from which channels may be guessed.
     """
 
     recognises: Callable[[bytes], bool]
     read: Callable[..., Recording]
     needs_columns: bool = True
+    layout: frozenset[str] | None = None
+    headers: Callable[..., list[str]] | None = None

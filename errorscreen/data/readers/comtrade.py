@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from errorscreen.data.frames import Specs, build_recording
 from errorscreen.data.headers import known_unit
 from errorscreen.data.readers.base import Reader
-from errorscreen.data.readers.csv import Layout, with_units
+from errorscreen.data.readers.tables import numbered, with_units
 from errorscreen.data.readers.text import check_file
 from errorscreen.data.recordings import Recording
 from errorscreen.data.table import Table
@@ -97,11 +97,6 @@ def read_comtrade(
         If the files are no COMTRADE record, or lack a channel.
     """
     path = Path(path)
-    for field in fields(Layout):
-        if field.name in options:
-            raise InputError(
-                f"{field.name} does not apply to COMTRADE", where=f"file {path}", remedy="Leave it out"
-            )
     table, time, found, notes = read_comtrade_table(path)
     if waveforms is None and not columns:
         waveforms = trios([(c.name, c.phase, c.unit) for c in found.channels], f"file {path}")
@@ -262,13 +257,8 @@ def _channel(lines: _Lines, revision: int) -> _Channel:
 
 def _unique(channels: Sequence[_Channel]) -> tuple[_Channel, ...]:
     """Channels with a name of their own each: the second of equal names gets its number."""
-    seen: dict[str, int] = {"time": 1}
-    found = []
-    for channel in channels:
-        seen[channel.name] = count = seen.get(channel.name, 0) + 1
-        name = channel.name if count == 1 else f"{channel.name} ({count})"
-        found.append(_Channel(name, channel.phase, channel.unit, channel.factor, channel.offset))
-    return tuple(found)
+    names = numbered((channel.name for channel in channels), taken=["time"])
+    return tuple(replace(channel, name=name) for channel, name in zip(channels, names, strict=True))
 
 
 def _samples(data: bytes, found: _Configuration, source: str) -> tuple[_Array, _Array, list[_Array]]:
@@ -344,4 +334,4 @@ def _recognises(head: bytes) -> bool:
     return bool(_SECTION.match(head)) or (len(lines) > 1 and bool(_COUNTS.match(lines[1])))
 
 
-COMTRADE = Reader(_recognises, read_comtrade, needs_columns=False)
+COMTRADE = Reader(_recognises, read_comtrade, needs_columns=False, layout=frozenset())

@@ -11,16 +11,18 @@ from errorscreen.exceptions import InputError
 
 #: First bytes of formats that are no text, with what to do.
 _OTHER_FORMATS = {
-    b"PK\x03\x04": ("a spreadsheet or another zip archive", "Save the sheet as CSV"),
-    b"\xd0\xcf\x11\xe0": ("a spreadsheet of an old version", "Save the sheet as CSV"),
-    b"MATLAB 5.0": ("a MATLAB file", "Export its variables as CSV"),
-    b"\x89HDF": ("an HDF5 or MATLAB 7.3 file", "Export its variables as CSV"),
+    b"PK\x03\x04": ("a spreadsheet or another zip archive", "State format = 'excel'"),
+    b"\xd0\xcf\x11\xe0": ("a spreadsheet of an old version", "Save the sheet as .xlsx or CSV"),
+    b"MATLAB 5.0": ("a MATLAB file", "State format = 'matlab'"),
+    b"\x89HDF": ("an HDF5 or MATLAB 7.3 file", "State format = 'matlab'"),
     b"PAR1": ("a Parquet file", "Read it with pandas.read_parquet, and give the table to errorscreen.read"),
     b"--- file type": ("a COMTRADE file", "State format = 'comtrade'"),
     b"\x1f\x8b": ("compressed by gzip", "Unpack it"),
 }
 #: bytes that tell UTF-16 without a mark
 _HEAD = 2000
+#: larger files are not read, because a table takes a multiple of its file in memory
+_LARGEST = 2**31
 
 
 def check_file(path: Path) -> None:
@@ -33,7 +35,7 @@ def check_file(path: Path) -> None:
     """
     where = f"file {path}"
     try:
-        mode = path.stat().st_mode
+        mode = (found := path.stat()).st_mode
     except FileNotFoundError as error:
         siblings = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
         near = difflib.get_close_matches(path.name, siblings, n=3)
@@ -47,6 +49,15 @@ def check_file(path: Path) -> None:
         raise InputError("is a folder", where=where, allowed="a text file")
     if not stat.S_ISREG(mode):
         raise InputError("is a device or a pipe", where=where, allowed="an ordinary file")
+    check_size(found.st_size, where)
+
+
+def check_size(size: int, where: str) -> None:
+    """Refuse more bytes than a recording may have, of a file or of what it unpacks to."""
+    if size > _LARGEST:
+        raise InputError(
+            f"has {size / 2**30:.3g} GiB", where=where, allowed="up to 2 GiB", remedy="Cut out the event"
+        )
 
 
 def decoded(path: Path, encoding: str) -> str:

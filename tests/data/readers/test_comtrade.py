@@ -254,7 +254,7 @@ def test_names_with_commas_equal_names_and_old_encodings(tmp_path):
 
 
 def test_columns_of_other_formats_are_refused(tmp_path):
-    with pytest.raises(InputError, match="delimiter does not apply to COMTRADE"):
+    with pytest.raises(InputError, match="delimiter does not apply to the format 'comtrade'"):
         read_recording(write(tmp_path, waves(TIME), TIME), None, delimiter=";", **BASES)
 
 

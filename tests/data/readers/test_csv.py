@@ -131,9 +131,9 @@ def test_numbers_may_mark_gaps(tmp_path, mark):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"PK\x03\x04" + bytes(40), "is a spreadsheet or another zip archive.*Save the sheet as CSV"),
-        (b"MATLAB 5.0 MAT-file" + bytes(200), "is a MATLAB file"),
-        (b"\x89HDF\r\n\x1a\n" + bytes(40), "is an HDF5 or MATLAB 7.3 file"),
+        (b"PK\x03\x04" + bytes(40), "is no sound workbook.*save it as .xlsx or CSV"),
+        (b"MATLAB 5.0 MAT-file" + bytes(200), "is no sound MATLAB file"),
+        (b"\x89HDF\r\n\x1a\n" + bytes(40), "is no sound MATLAB file"),
     ],
 )
 def test_other_formats_are_called_by_name(tmp_path, content, message):

@@ -1,0 +1,386 @@
+"""Guesses about a table: time stamps, channels with their units, nominal frequency and bases; each with its reason."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from errorscreen.data.headers import known_unit, role_and_unit
+from errorscreen.data.plausibility import PLAUSIBLE_V
+from errorscreen.data.table import Table
+from errorscreen.data.timestamps import TIME_UNITS, fitting_formats, parse_dates
+from errorscreen.data.units import UNITS
+from errorscreen.exceptions import InputError
+
+_Array = NDArray[np.float64]
+#: units of numbers as time stamps in the order they are tried, with their seconds
+_TIME_UNITS = {
+    "s": 1.0,
+    "ms": 1e-3,
+    "us": 1e-6,
+    "ns": 1e-9,
+    "ticks": 1e-7,
+    "min": 60.0,
+    "h": 3600.0,
+    "d": 86400.0,
+}
+#: s between samples of recordings of plants
+_STEPS = (5e-5, 1.0)
+#: first stamps by which dates as numbers are known: days of spreadsheets, and ticks
+_ERAS = {"d": (2e4, 1e5), "ticks": (5e17, 8e17)}
+#: fractions in one second, as concentrators count them
+_TIME_BASES = (1e3, 1e4, 1e5, 1e6, 2.0**24, 1e7, 1e9)
+#: usual nominal voltages in kV, line to line
+LEVELS = (
+    *(
+        0.4,
+        0.48,
+        0.69,
+        1,
+        3.3,
+        4.16,
+        6,
+        6.6,
+        10,
+        11,
+        12.47,
+        13.2,
+        13.8,
+        15,
+        16,
+        16.5,
+        18,
+        20,
+        21,
+        22,
+        24,
+        25,
+        27,
+        30,
+    ),
+    *(
+        33,
+        34.5,
+        45,
+        63,
+        66,
+        69,
+        90,
+        110,
+        115,
+        132,
+        138,
+        150,
+        161,
+        220,
+        230,
+        275,
+        287,
+        330,
+        345,
+        380,
+        400,
+        500,
+        735,
+        765,
+    ),
+)
+#: relative distance from a level, and from a level divided by √3, at which a voltage still belongs to it
+_NEAR, _NEAR_NEUTRAL = 0.07, 0.03
+#: words in headers that stand for a channel; the angle comes first, because "voltage angle" is one
+_WORDS = {
+    "angle": {"ang", "angle", "phi", "phiu", "phiu1", "theta"},
+    "f": {"f", "freq", "frequency", "fehz", "hz"},
+    "P": {"p", "pg", "pgen", "pelec", "psum", "mw", "active"},
+    "Q": {"q", "qg", "qgen", "qelec", "qsum", "mvar", "reactive"},
+    "V": {
+        "v",
+        "u",
+        "u1",
+        "v1",
+        "vt",
+        "ut",
+        "vm",
+        "um",
+        "vmag",
+        "umag",
+        "volt",
+        "voltage",
+        "vterm",
+        "eterm",
+        "kv",
+    },
+}
+#: units that only one channel has
+_BY_UNIT = {"V": "V", "kV": "V", "deg": "angle", "rad": "angle", "Hz": "f", "mHz": "f"} | {
+    unit: "PQ"["var" in unit.casefold()] for unit in UNITS["P"] if unit not in ("pu", "VA", "kVA", "MVA")
+}
+_UNIT_BEHIND = re.compile(r"(\s+in\s+\S+|\s*[\[(].*[\])])$")
+_PHASE = re.compile(r"(?P<kind>[vui])[ _]?(?P<phase>a|b|c|ab|bc|ca|l1|l2|l3)(?:$|[^a-z0-9])", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Guess:
+    """Value of a key with its reason; `check` where the file does not tell it."""
+
+    value: Any
+    reason: str
+    check: bool = False
+
+
+@dataclass(frozen=True)
+class ChannelGuess:
+    """Source of a channel: fields of `errorscreen.data.Column`, and the numbers in the file."""
+
+    fields: Mapping[str, Any]
+    reason: str
+    numbers: _Array
+    check: bool = False
+
+    @property
+    def level(self) -> float:
+        """Median of the first tenth."""
+        known = self.numbers[np.isfinite(self.numbers)]
+        return float(np.median(known[: max(3, len(known) // 10)])) if len(known) else np.nan
+
+
+def guess_stamps(table: Table, names: Sequence[str], decimal: str) -> dict[str, Guess]:
+    """Keys ``time``, ``time_unit``, ``time_format`` and ``time_base`` of a table; `InputError` without time stamps."""
+    plain = {name.strip().casefold(): name for name in names}
+    if {"soc", "fracsec"} <= plain.keys():
+        return _seconds_and_fractions(table, plain["soc"], plain["fracsec"], decimal)
+    stated = [name for name in names if role_and_unit(name.split("|")[-1])[0] == "time"]
+    worded = [name for name in names if re.search(r"time|date|zeit|datum|utc|tnow", name, re.IGNORECASE)]
+    for name in dict.fromkeys((*stated, *worded, *names)):
+        why = "its header" if name in (*stated, *worded) else "the first column that increases all the way"
+        if found := _stamps_in(table, name, why, names, decimal):
+            return found
+    raise InputError(
+        f"no column holds time stamps; the columns are {', '.join(map(repr, names))}",
+        where=table.source,
+        allowed="a column of increasing numbers or of dates",
+        remedy="State time in [recording] of a case file of your own, or cut what stands above the table",
+    )
+
+
+def _seconds_and_fractions(table: Table, whole: str, parts: str, decimal: str) -> dict[str, Guess]:
+    seconds, counted = (table.numbers(name, decimal=decimal) for name in (whole, parts))
+    bases = [base for base in _TIME_BASES if base > np.nanmax(counted)] or [1e9]
+    best = min(bases, key=lambda base: np.ptp(np.diff(seconds - seconds[0] + counted / base)))
+    return {
+        "time": Guess([whole, parts], "whole seconds and their fractions"),
+        "time_base": Guess(best, "with it, samples have equal distances"),
+    }
+
+
+def _stamps_in(
+    table: Table, name: str, why: str, names: Sequence[str], decimal: str
+) -> dict[str, Guess] | None:
+    """Keys of a column of time stamps; None where it holds none."""
+    try:
+        numbers = table.numbers(name, decimal=decimal)
+    except InputError:
+        return _dates_in(table, name, why, names)
+    steps = np.diff(numbers)
+    if (
+        len(numbers) < 2
+        or not np.isfinite(numbers).all()
+        or (steps < 0).mean() > 0.05
+        or not (steps > 0).any()
+    ):
+        return None
+    found = {"time": Guess(name, why)}
+    unit = role_and_unit(name.split("|")[-1])[1] or known_unit("time", table.units.get(name, ""))
+    if unit in TIME_UNITS:
+        found["time_unit"] = Guess(unit, "as the file says")
+        return found
+    step = float(np.median(steps[steps > 0]))
+    fitting = [one for one, seconds in _TIME_UNITS.items() if _STEPS[0] <= seconds * step <= _STEPS[1]]
+    eras = [one for one, (low, high) in _ERAS.items() if one in fitting and low < numbers[0] < high]
+    unit = [*eras, *fitting, "s"][0]
+    apart = f"samples are then {step * _TIME_UNITS[unit]:.3g} s apart"
+    found["time_unit"] = Guess(unit, f"{apart}, which is usual" if fitting else f"{apart}", check=not fitting)
+    return found
+
+
+def _dates_in(table: Table, name: str, why: str, names: Sequence[str]) -> dict[str, Guess] | None:
+    texts = pd.Series(list(table.column(name))).astype("string").str.strip()
+    if parse_dates(texts, None).notna().all() and texts.str.contains(":").all():
+        return {"time": Guess(name, why), "time_unit": Guess("iso", f"dates such as {texts[0]}")}
+    after = [*names, None][names.index(name) + 1] if name in names else None
+    columns = [name] if after is None or ":" in str(texts[0]) else [name, after]
+    if len(columns) == 2:
+        texts = texts + " " + pd.Series(list(table.column(columns[1]))).astype("string").str.strip()
+    for pattern in fitting_formats(str(texts[0])):
+        stamps = parse_dates(texts, pattern)
+        if stamps.notna().all():
+            reason = f"stamps such as {texts[0]}; only the time since the first one counts"
+            return {
+                "time": Guess(columns if len(columns) == 2 else name, why),
+                "time_format": Guess(pattern, reason),
+            }
+    return None
+
+
+def guess_channels(
+    table: Table, names: Sequence[str], decimal: str, f_nominal: float | None
+) -> tuple[dict[str, ChannelGuess], list[str]]:
+    """Channels of a table among some of its headers, and what was left open."""
+    found: dict[str, list[tuple[int, str, str | None, str]]] = {}
+    for name in names:
+        last = name.split("|")[-1]
+        role, unit = role_and_unit(last)
+        unit = known_unit(role or "", unit or "") or known_unit(role or "", table.units.get(name, ""))
+        words = {*re.split(r"[^a-z0-9]+", _UNIT_BEHIND.sub("", last).casefold())}
+        if role in UNITS:
+            found.setdefault(role, []).append((3, name, unit, "its header"))
+        elif unit in _BY_UNIT:
+            found.setdefault(_BY_UNIT[unit], []).append((2, name, unit, "its unit"))
+        elif role is None and (worded := next((r for r, known in _WORDS.items() if known & words), None)):
+            found.setdefault(worded, []).append(
+                (1, name, known_unit(worded, unit or ""), "a word in its header")
+            )
+    channels: dict[str, ChannelGuess] = {}
+    open_: list[str] = []
+    for role in [role for role in ("f", "V", "angle", "P", "Q") if role in found]:
+        best = max(score for score, *_ in found[role])
+        fitting = [one for one in found[role] if one[0] == best]
+        _, name, unit, reason = fitting[0]
+        try:
+            numbers = table.numbers(name, decimal=decimal)
+        except InputError as error:
+            open_.append(f"{role} would be column {name!r}, but {error.what}.")
+            numbers = np.full(len(table.rows), np.nan)
+        others = [other for _, other, *_ in fitting[1:]]
+        if others:
+            reason = f"the first of columns that may be {role}; others: {', '.join(map(repr, others))}"
+        check = bool(others)
+        if unit is None:
+            unit, level, sure = _unit_by_level(role, numbers, channels, f_nominal)
+            reason, check = f"{reason}; {level}", check or not sure
+        channels[role] = ChannelGuess({"column": name, "unit": unit}, reason, numbers, check)
+    return channels, open_
+
+
+def _unit_by_level(
+    role: str, numbers: _Array, known: Mapping[str, ChannelGuess], f_nominal: float | None
+) -> tuple[str, str, bool]:
+    """Unit of a channel from its numbers, the reason, and whether it is beyond doubt."""
+    level = abs(ChannelGuess({}, "", numbers).level)
+    most = float(np.nanmax(np.abs(numbers), initial=0.0))
+    if role == "V":
+        unit = "pu" if level <= PLAUSIBLE_V[1] else "V" if level >= 1000 else "kV"
+        return unit, f"{level:.4g} before the event is usual in {unit}", unit == "pu" or level < 300
+    if role == "f":
+        ranges = {"Hz": (45, 65), "mHz": (45e3, 65e3), "rad/s": (280, 410), "pu": (0.9, 1.1)}
+        unit = next((u for u, (low, high) in ranges.items() if low <= level <= high), "Hz deviation")
+        return unit, f"{level:.5g} before the event is usual in {unit}", unit in ("Hz", "mHz")
+    if role == "angle":
+        wraps = np.abs(np.diff(numbers[np.isfinite(numbers)]))
+        if most > 2 * np.pi + 0.1 or (np.abs(wraps - 360) < 10).any():
+            return (
+                "deg",
+                f"up to {most:.3g}, more than a turn in rad",
+                (np.abs(wraps - 360) < 10).any().item(),
+            )
+        return "rad", f"up to {most:.3g}, within a turn in rad", bool((np.abs(wraps - 2 * np.pi) < 0.3).any())
+    if role == "Q" and "P" in known:
+        unit = {"W": "var", "kW": "kvar", "MW": "Mvar", "GW": "Mvar"}.get(known["P"].fields["unit"], "pu")
+        return unit, "as that of P", not known["P"].check
+    unit = "pu" if most <= 2.0 else "MW" if most <= 5e3 else "kW" if most <= 5e6 else "W"
+    unit = unit.replace("W", "var") if role == "Q" else unit
+    return unit, f"up to {most:.4g}, usual in {unit}", unit != "kW"
+
+
+def guess_frequency(channels: Mapping[str, ChannelGuess], stated: float | None, step: float) -> Guess:
+    """Nominal frequency in Hz: of a column f, that which the record states, or by the distance of samples in s."""
+    if "f" in channels:
+        factor = {"Hz": 1.0, "mHz": 1e-3, "rad/s": 1 / (2 * np.pi)}.get(channels["f"].fields["unit"], np.nan)
+        level = channels["f"].level * factor
+        nearest = min((50.0, 60.0), key=lambda f: abs(f - level))
+        if abs(level - nearest) < 2.5:
+            return Guess(nearest, f"f is {level:.5g} Hz before the event")
+    if stated:
+        return Guess(stated, "line frequency of the record")
+    rate = 1.0 / step
+    if any(abs(rate / usual - 1.0) < 0.01 for usual in (12, 15, 30, 60, 120, 240)):
+        return Guess(
+            60.0, f"{rate:.3g} samples in a second are usual at 60 Hz; the file does not say", check=True
+        )
+    return Guess(50.0, "the file does not tell 50 or 60", check=True)
+
+
+def guess_base_kv(V: ChannelGuess) -> tuple[Guess | None, dict[str, Any]]:
+    """Base voltage in kV from the level of V in V or kV, and further fields of its column."""
+    if V.fields["unit"] == "pu":
+        return None, {}
+    level = abs(V.level) * {"V": 1e-3, "kV": 1.0}[V.fields["unit"]]
+    return guess_level(level, "V is")
+
+
+def guess_level(kv: float, what: str) -> tuple[Guess, dict[str, Any]]:
+    """Nominal voltage nearest to one in kV, and whether that was from line to neutral."""
+
+    def nearest(value: float) -> tuple[float, float]:
+        best = min(LEVELS, key=lambda one: abs(np.log(value / one)))
+        return float(best), abs(value / best - 1.0)
+
+    if not kv > 0:
+        return Guess(1.0, f"{what} {kv:.4g} kV: no level to guess from", check=True), {}
+    best, apart = nearest(kv)
+    neutral, apart_neutral = nearest(np.sqrt(3) * kv)
+    if apart > _NEAR and apart_neutral < _NEAR_NEUTRAL:
+        return Guess(neutral, f"{what} {kv:.4g} kV: {neutral:g}/√3, the nearest usual level"), {
+            "line_neutral": True
+        }
+    if apart > _NEAR:
+        return Guess(float(f"{kv:.3g}"), f"{what} {kv:.4g} kV, near no usual level", check=True), {}
+    return Guess(
+        best, f"{what} {kv:.4g} kV before the event: the nearest usual level", check=apart > 0.02
+    ), {}
+
+
+def guess_base_mva(P: float, Q: float, unit: str | None) -> Guess:
+    """Base in MVA from P and Q before the event in MW and Mvar; of pu it stays open."""
+    if unit == "pu":
+        return Guess(
+            100.0,
+            "P and Q are in pu; they count as pu of the machine's base, which scales nothing",
+            check=True,
+        )
+    loaded = float(np.hypot(P, Q)) / 0.8
+    rated = float(f"{loaded:.2g}") if loaded > 0 else 100.0
+    return Guess(
+        rated, "the file does not say; guessed as if the machine ran at 80 % of its rating", check=True
+    )
+
+
+def guess_waveforms(
+    table: Table, names: Sequence[str], step: float, decimal: str
+) -> tuple[list[tuple[str, str, str]], bool]:
+    """Channels (name, phase, unit) that look like sampled waves of three phases, and whether a unit was assumed."""
+    found, assumed = [], False
+    for name in names:
+        match = _PHASE.match(name.strip())
+        if not match or step > 1 / 300:
+            continue
+        numbers = table.numbers(name, decimal=decimal)
+        if not np.abs(np.nanmean(numbers)) < 0.2 * np.nanstd(numbers):
+            continue
+        of_current = match["kind"].casefold() == "i"
+        allowed = ("A", "kA") if of_current else ("V", "kV")
+        stated = [
+            u for u in (role_and_unit(name)[1], table.units.get(name, "").strip("[]() ")) if u in allowed
+        ]
+        most = float(np.nanmax(np.abs(numbers)))
+        unit = stated[0] if stated else allowed[most < (50.0 if of_current else 1000.0)]
+        assumed |= not stated
+        phase = match["phase"].upper()
+        found.append((name, {"L1": "A", "L2": "B", "L3": "C"}.get(phase, phase), unit))
+    return found, assumed

@@ -1,0 +1,109 @@
+"""From the table of a file to a recording: units that the file states, and names that occur twice."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from errorscreen.data.frames import Specs, build_recording
+from errorscreen.data.headers import known_unit
+from errorscreen.data.no_readings import as_quality, without_bad_rows
+from errorscreen.data.recordings import Recording
+from errorscreen.data.table import Table
+from errorscreen.data.timestamps import format_of_time, read_time, seconds_of
+from errorscreen.data.units import Column, as_column
+from errorscreen.data.waveforms import as_waveforms, recording_of_waveforms
+from errorscreen.exceptions import InputError
+
+
+def recording_of_table(
+    table: Table,
+    columns: Specs | None,
+    *,
+    time: str | Sequence[str],
+    time_unit: str | None = None,
+    waveforms: Any = None,
+    quality: Any = None,
+    decimal: str = ".",
+    notes: Iterable[str] = (),
+    **options: Any,
+) -> Recording:
+    """Recording of columns, or of what follows from waveforms; units of the file count where none is given.
+
+    The options are those of `errorscreen.data.frames.build_recording`.
+    """
+    specs, told = with_units(columns or {}, table), list(notes)
+    first_header = time if isinstance(time, str) else time[0]
+    stated = known_unit("time", table.units.get(first_header, ""))
+    if time_unit is None:
+        time_unit = stated or "s"
+    elif stated is not None and stated != time_unit:
+        raise other_unit("time", first_header, time_unit, stated, table)
+    if waveforms is None:
+        return build_recording(
+            table,
+            specs,
+            time=time,
+            time_unit=time_unit,
+            quality=quality,
+            decimal=decimal,
+            notes=told,
+            **options,
+        )
+    sampled = as_waveforms(waveforms, table.source)
+    pattern, base = options.pop("time_format", None), options.pop("time_base", None)
+    form = format_of_time(time, time_unit, pattern, base, table.source)
+    stamps, first = read_time(table, form, told, decimal)
+    if (np.diff(stamps) <= 0).any():
+        raise InputError(
+            "time does not increase with each sample",
+            where=table.source,
+            allowed="stamps with all their decimals",
+        )
+    for name in ("t_start", "t_end", "event_time"):
+        if name in options:
+            options[name] = seconds_of(options[name], name, form, first, table.source)
+    wanted = [*sampled.voltage, *sampled.current, *(h for spec in specs.values() for h in spec.headers)]
+    missing = options.pop("missing", ())
+    values = {h: table.numbers(h, missing=missing, decimal=decimal) for h in wanted if h in table.columns}
+    values = without_bad_rows(values, table, as_quality(quality, table.source), told)
+    table = replace(table, columns={**table.columns, **values})
+    return recording_of_waveforms(table, stamps, sampled, specs, notes=told, **options)
+
+
+def numbered(names: Iterable[str], taken: Iterable[str] = ()) -> list[str]:
+    """The names; the second of equal ones gets its number."""
+    seen: dict[str, int] = dict.fromkeys(taken, 1)
+    found = []
+    for name in names:
+        seen[name] = count = seen.get(name, 0) + 1
+        found.append(name if count == 1 else f"{name} ({count})")
+    return found
+
+
+def with_units(columns: Specs, table: Table) -> dict[str, Column]:
+    """Sources of channels with the units that the file states; a unit that is given must be the same."""
+    specs = {role: as_column(role, c, f"{table.source}, channel {role!r}") for role, c in columns.items()}
+    return {role: _with_unit(role, spec, table) for role, spec in specs.items()}
+
+
+def _with_unit(role: str, spec: Column, table: Table) -> Column:
+    found = known_unit(role, table.units.get(spec.column or "", ""))
+    if found is None or found == spec.unit:
+        return spec
+    if spec.unit is not None:
+        raise other_unit(role, spec.column, spec.unit, found, table)
+    return as_column(role, {**spec.__dict__, "unit": found}, f"{table.source}, channel {role!r}")
+
+
+def other_unit(what: str, header: str | None, given: str, found: str, table: Table) -> InputError:
+    """Error for a unit that differs from that of the file."""
+    return InputError(
+        f"the unit of {what} is given as {given!r}, but the file says {found!r}",
+        where=f"{table.source}, column {header!r}",
+        allowed="the same unit",
+        remedy="Correct the unit, or leave it out",
+    )

@@ -1,0 +1,259 @@
+"""A case file from a recording of unknown layout: everything guessed, each guess with its reason behind ``#``."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import warnings
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from errorscreen._runtime.persistence import write_text_atomic
+from errorscreen.cases import load_case
+from errorscreen.cases.case_models import RecordingSection
+from errorscreen.data.guess_file import FileGuess, guess_file
+from errorscreen.data.guesses import Guess
+from errorscreen.data.plausibility import Doubt
+from errorscreen.data.recordings import Recording
+from errorscreen.exceptions import DataWarning, InputError
+from errorscreen.models.dyr import DyrFile, read_dyr
+
+#: mark of a guess that the file does not tell
+CHECK = "CHECK: "
+#: s of a recording that are used before and after its event; longer files are cut
+_BEFORE, _AFTER = 10.0, 30.0
+#: s that count as long
+_LONG = 60.0
+
+
+@dataclass(frozen=True)
+class Written:
+    """What `init_case` wrote.
+
+    Parameters
+    ----------
+    case : Path
+    picture : Path or None
+        None where the recording cannot be read yet.
+    check : tuple of str
+        Guesses that the file does not tell, and doubts about the readings.
+    missing : tuple of str
+        What has to be stated before the case runs; empty for a case that runs.
+    """
+
+    case: Path
+    picture: Path | None
+    check: tuple[str, ...]
+    missing: tuple[str, ...]
+
+
+def init_case(
+    path: str | os.PathLike[str],
+    dyr: str | os.PathLike[str] | None = None,
+    out: str | os.PathLike[str] | None = None,
+) -> Written:
+    """Write a case file for a recording.
+
+    Parameters
+    ----------
+    path : path-like
+        File of the recording.
+    dyr : path-like, optional
+        Model file of the unit.
+    out : path-like, optional
+        Case file; the name of the recording with ``.toml`` in the working folder where not given. The picture has the
+        same name with ``.png``.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be used, or what would be written exists.
+    """
+    path = Path(path)
+    out = Path(f"{path.stem}.toml" if out is None else out)
+    picture = out.with_suffix(".png")
+    for one in (out, picture):
+        if one.exists():
+            raise InputError(
+                "exists already, and is not overwritten",
+                where=f"file {one}",
+                allowed="a new file",
+                remedy="Give another name with --out, or move the file away",
+            )
+    model = None if dyr is None else read_dyr(dyr)
+    found = guess_file(path)
+    missing = [
+        f"{name} was not found: state recording.columns.{name}"
+        for name in ("V", "P", "Q")
+        if found.waveforms is None and name not in found.channels
+    ]
+    recording, problem = _read(path, found)
+    if recording is not None:
+        recording = _mended(path, found, recording)
+        found.keys |= _event(recording)
+    doubts = [] if recording is None else [t for t in recording.assumptions if isinstance(t, Doubt)]
+    device = list(_device(out, found, model, dyr))
+    lines = [
+        f"# Written by errorscreen init from {path.name}. The reason of each guess stands behind it.",
+        f"# {CHECK.strip()} marks what the file does not tell. All keys: errorscreen keys",
+        *(f"# Doubt: {text}" for text in doubts),
+        *(f"# Open: {text}" for text in found.open),
+        f"title = {_toml(path.stem)}",
+        "",
+        *_recording(out, path, found),
+        *device,
+        *_screening(),
+    ]
+    write_text_atomic(out, "\n".join(lines) + "\n")
+    final, wrong = _verified(out)
+    if problem is not None and final is None and problem.what not in [error.what for error in wrong]:
+        wrong.append(problem)
+    missing += [str(error) for error in wrong]
+    if recording is not None:
+        recording.plot().savefig(picture, dpi=110)
+    checks = [line.strip("# ") for line in lines[4:] if CHECK in line]
+    told = (*checks, *doubts, *found.open)
+    return Written(out, None if recording is None else picture, told, tuple(missing))
+
+
+def _section(path: Path, found: FileGuess) -> RecordingSection:
+    keys = {key: guess.value for key, guess in found.keys.items()}
+    if found.channels:
+        keys["columns"] = {name: dict(one.fields) for name, one in found.channels.items()}
+    if found.waveforms is not None:
+        keys["waveforms"] = found.waveforms.value
+    return RecordingSection.model_validate({"path": path.name, **keys})
+
+
+def _read(path: Path, found: FileGuess) -> tuple[Recording | None, InputError | None]:
+    """Recording as it is understood; several rows at an instant are read as simulation programs write them."""
+    try:
+        return _quietly(_section(path, found), path.parent), None
+    except InputError as error:
+        if "on_duplicate" not in (error.remedy or "") or "on_duplicate" in found.keys:
+            return None, error
+    found.keys["on_duplicate"] = Guess(
+        "last", "several rows at one instant, as simulation programs write them"
+    )
+    return _read(path, found)
+
+
+def _quietly(section: RecordingSection, folder: Path) -> Recording:
+    with warnings.catch_warnings():  # doubts are written into the case file
+        warnings.simplefilter("ignore", DataWarning)
+        return section.load(folder)
+
+
+def _mended(path: Path, found: FileGuess, recording: Recording) -> Recording:
+    """Read an angle of unknown unit in degrees where the frequency says so."""
+    angle = found.channels.get("angle")
+    doubted = any(isinstance(t, Doubt) and "unit = 'deg'" in t for t in recording.assumptions)
+    if angle is None or angle.fields["unit"] != "rad" or "within a turn" not in angle.reason or not doubted:
+        return recording
+    reason = "in degrees, because in radians it would not follow the frequency"
+    found.channels["angle"] = replace(angle, fields={**angle.fields, "unit": "deg"}, reason=reason)
+    again, _ = _read(path, found)
+    if again is None or any(isinstance(t, Doubt) and "angle" in t for t in again.assumptions):
+        found.channels["angle"] = angle
+        return recording
+    return again
+
+
+def _event(recording: Recording) -> dict[str, Guess]:
+    """Instant of the event, and a window around it in a long file."""
+    start, time = recording.event_time, recording.time
+    keys = {
+        "event_time": Guess(round(float(start), 6), "in s, where V, P or Q first leaves its band of rest")
+    }
+    if time[-1] - time[0] > _LONG:
+        first, last = max(float(time[0]), start - _BEFORE), min(float(time[-1]), start + _AFTER)
+        reason = f"the file is {time[-1] - time[0]:.3g} s long; this is a window around the event"
+        keys |= {"t_start": Guess(round(first, 6), reason), "t_end": Guess(round(last, 6), reason)}
+    return keys
+
+
+def _recording(out: Path, path: Path, found: FileGuess) -> Iterator[str]:
+    relative = _relative(path, out)
+    yield "[recording]"
+    yield f"path = {_toml(relative)}  # relative to this file"
+    for key, guess in found.keys.items():
+        yield _line(key, guess)
+    if "event_time" not in found.keys:
+        yield "# event_time = 1.0  # STATE: start of the event in s; it was not found"
+    if found.waveforms is not None:
+        yield _line("waveforms", found.waveforms)
+    yield ""
+    yield "[recording.columns]"
+    for name, one in found.channels.items():
+        yield _line(name, Guess(one.fields, one.reason, one.check))
+    if found.waveforms is None:
+        for name, unit in (("V", "kV"), ("P", "MW"), ("Q", "Mvar")):
+            if name not in found.channels:
+                yield f'# {name} = {{ column = "…", unit = "{unit}" }}  # STATE: no column was recognised as {name}'
+    yield ""
+
+
+def _device(
+    out: Path, found: FileGuess, model: DyrFile | None, dyr: str | os.PathLike[str] | None
+) -> Iterator[str]:
+    yield "[device]"
+    if model is None or dyr is None:
+        yield (
+            'type = "synchronous_machine"  # CHECK: typical values; or dfig_plant, pv_plant, or dyr = "unit.dyr", the '
+            "model file of the unit"
+        )
+    else:
+        yield f"dyr = {_toml(_relative(Path(dyr), out))}"
+        units = model.units
+        if len(units) == 1:
+            bus, id = units[0]
+            yield f"bus = {_toml(bus)}  # the only unit of the file"
+            yield f"id = {_toml(id)}"
+        else:
+            yield "# STATE: bus and id of the recorded unit; the file holds"
+            for bus, id in units:
+                yield f"# bus = {_toml(bus)}, id = {_toml(id)}"
+    if found.waveforms is None and not {"angle", "f"} & found.channels.keys():
+        yield "constant_frequency = true  # neither angle nor frequency was recorded, so the frequency is held"
+    yield ""
+
+
+def _screening() -> Iterator[str]:
+    if importlib.util.find_spec("torch") is None or importlib.util.find_spec("skorch") is None:
+        yield "[screening]"
+        yield 'methods = ["sensitivity"]  # the network needs torch, which is not installed'
+
+
+def _verified(out: Path) -> tuple[Recording | None, list[InputError]]:
+    """The recording read by the written file, and what keeps the file from running."""
+    try:
+        case = load_case(out)
+        return _quietly(case.recording, case.folder), []
+    except InputError as error:
+        return None, [error]
+
+
+def _relative(path: Path, out: Path) -> str:
+    try:
+        return Path(os.path.relpath(path.resolve(), out.resolve().parent)).as_posix()
+    except ValueError:  # another drive
+        return path.resolve().as_posix()
+
+
+def _line(key: str, guess: Guess) -> str:
+    reason = " ".join(f"{CHECK if guess.check else ''}{guess.reason}".split())
+    return f"{key} = {_toml(guess.value)}  # {reason}"
+
+
+def _toml(value: Any) -> str:
+    """A value as TOML; texts of JSON are texts of TOML."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, Mapping):
+        return f"{{ {', '.join(f'{key} = {_toml(one)}' for key, one in value.items() if one is not None)} }}"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_toml, value))}]"
+    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)

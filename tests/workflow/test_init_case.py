@@ -1,0 +1,231 @@
+"""Case files that are guessed from recordings: what is written runs, and what cannot be seen is marked."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from errorscreen.cases import load_case
+from errorscreen.cli import main
+from errorscreen.data.plausibility import Doubt
+from errorscreen.exceptions import DataWarning, InputError
+from errorscreen.workflow.init_case import init_case
+from tests.data.readers import test_comtrade
+
+DYR = Path(__file__).parents[2] / "examples" / "dyr"
+TIME = np.arange(200) * 0.02
+UNIT = "{bus} 'GENROU' {id}  6.0 0.04 0.8 0.06 4.0 0.0 1.8 1.7 0.3 0.5 0.22 0.15 0.1 0.4 /\n"
+pytestmark = pytest.mark.filterwarnings("ignore::errorscreen.exceptions.DataWarning")
+
+
+def dip(size, level):
+    """A level that falls by a part at 1 s, with noise."""
+    rng = np.random.default_rng(len(str(level)))
+    return level * (1 - size * (TIME >= 1.0) * np.exp(-(TIME - 1.0) / 2)) + 1e-4 * level * rng.normal(
+        size=len(TIME)
+    )
+
+
+def angle():
+    return np.deg2rad(20.0) + 0.3 * (TIME >= 1.0) * (TIME - 1.0)
+
+
+VALUES = {"V": dip(0.3, 1.0), "angle": angle(), "P": dip(0.4, 80.0), "Q": dip(-0.9, 10.0)}
+
+
+def write(folder, headers, values, *, delimiter=",", decimal=".", above=(), time=None, name="unit.csv"):
+    stamps = [f"{t:.2f}" for t in TIME] if time is None else time
+    rows = [
+        delimiter.join([stamp, *(f"{x:.6f}" for x in row)]).replace(".", decimal)
+        for stamp, *row in zip(stamps, *values, strict=True)
+    ]
+    path = folder / name
+    path.write_text("\n".join([*above, delimiter.join(headers), *rows]) + "\n")
+    return path
+
+
+def initiated(path, **options):
+    """Written case, its recording as it is read, and the text of the file."""
+    written = init_case(path, out=path.with_suffix(".toml"), **options)
+    case = load_case(written.case)
+    return written, case, case.load_recording(), written.case.read_text()
+
+
+def check(recording, base_mva=None):
+    first = recording.initial(["V", "P", "Q"])
+    base = recording.base_mva if base_mva is None else base_mva
+    assert first["V"] == pytest.approx(1.0, abs=1e-3)
+    assert first["P"] * base == pytest.approx(80.0, rel=1e-3)
+    assert first["Q"] * base == pytest.approx(10.0, rel=1e-3)
+    assert recording.event_time == pytest.approx(1.0, abs=0.021)
+
+
+def test_units_in_headers_are_taken_from_there(tmp_path):
+    V, A, P, Q = VALUES.values()
+    headers = ["t [ms]", "U [kV]", "Angle [deg]", "P [MW]", "Q [Mvar]", "f [Hz]"]
+    f = 60.0 + np.gradient(A, TIME) / (2 * np.pi)
+    values = [20.0 * V, np.rad2deg(A), P, Q, f]
+    path = write(tmp_path, headers, values, time=[f"{1000 * t:.0f}" for t in TIME])
+    written, case, recording, text = initiated(path)
+    assert not written.missing
+    check(recording)
+    assert (case.recording.f_nominal, case.recording.base_kv, case.recording.time_unit) == (60.0, 20.0, "ms")
+    assert recording.channel("angle").values[0] == pytest.approx(np.deg2rad(20.0))
+    assert "f is 60 Hz before the event" in text
+    assert written.picture == tmp_path / "unit.png"
+    assert written.picture.read_bytes().startswith(b"\x89PNG")
+    (asked,) = [line for line in written.check if line.startswith("base_mva")]
+    assert "the file does not say" in asked
+    assert not case.device.constant_frequency
+
+
+def test_units_that_are_not_stated_follow_from_the_numbers(tmp_path):
+    V, A, P, Q = VALUES.values()
+    path = write(
+        tmp_path, ["time", "Voltage", "Phase angle", "Pgen", "Qgen"], [13.8e3 * V, np.rad2deg(A) * 20, P, Q]
+    )
+    written, case, recording, text = initiated(path)
+    check(recording)
+    columns = case.recording.columns
+    assert [columns[name].unit for name in ("V", "angle", "P", "Q")] == ["V", "deg", "MW", "Mvar"]
+    assert case.recording.base_kv == 13.8
+    assert "CHECK: the file does not tell 50 or 60" in text
+    assert any(line.startswith("f_nominal") for line in written.check)
+
+
+def test_semicolons_decimal_commas_and_two_rows_of_headers_are_seen(tmp_path):
+    V, _, P, Q = VALUES.values()
+    headers = ["b:tnow in s", "m:u1 in p.u.", "m:Psum:bus1 in MW", "m:Qsum:bus1 in Mvar"]
+    above = ["All calculations;Bus A;Plant B;Plant B"]
+    path = write(tmp_path, headers, [V, P, Q], delimiter=";", decimal=",", above=above)
+    written, case, recording, text = initiated(path)
+    assert (case.recording.decimal, case.recording.header_rows) == (",", 2)
+    check(recording)
+    assert case.device.constant_frequency
+    assert "neither angle nor frequency" in text
+    assert not written.missing
+
+
+def test_dates_and_consumed_power_are_seen(tmp_path):
+    V, _, P, Q = VALUES.values()
+    stamps = [f"03.05.2026 10:00:{t:06.3f}" for t in TIME]
+    path = write(tmp_path, ["Date", "V (pu)", "P (MW)", "Q (Mvar)"], [V, -P, -Q], time=stamps)
+    _, case, recording, text = initiated(path)
+    assert case.recording.time_format == "%d.%m.%Y %H:%M:%S.%f"
+    check(recording)
+    assert [case.recording.columns[name].sign for name in "PQ"] == ["load", "load"]
+    assert "P before the event is negative" in text
+
+
+def test_the_unit_of_an_angle_follows_from_the_frequency(tmp_path):
+    V, A, P, Q = VALUES.values()
+    degrees = np.rad2deg(A - A[0]) / 10.0  # within a turn in rad, too
+    f = 50.0 + np.gradient(A / 10.0, TIME) / (2 * np.pi)
+    path = write(tmp_path, ["time", "V", "angle", "P", "Q", "f"], [V, degrees, P, Q, f])
+    _, case, recording, text = initiated(path)
+    assert case.recording.columns["angle"].unit == "deg"
+    assert "would not follow the frequency" in text
+    assert not any(isinstance(one, Doubt) for one in recording.assumptions)
+
+
+def test_a_comtrade_record_gives_its_waveforms(tmp_path):
+    path = test_comtrade.write(tmp_path, test_comtrade.waves(test_comtrade.TIME), test_comtrade.TIME)
+    written, case, recording, text = initiated(path)
+    assert case.recording.waveforms.voltage == ["VA", "VB", "VC"]
+    assert (case.recording.f_nominal, case.recording.base_kv) == (50.0, 20.0)
+    assert case.recording.base_mva == pytest.approx(100.0, rel=0.02)
+    assert "line frequency of the record" in text
+    first = recording.initial(["V", "P", "Q"])
+    assert first["V"] == pytest.approx(1.0, abs=1e-3)
+    assert first["P"] * recording.base_mva == pytest.approx(80.0, rel=1e-3)
+    assert not written.missing
+
+
+def test_a_long_file_is_cut_to_a_window_around_the_event(tmp_path):
+    time = np.arange(0, 200, 0.1)
+    V = (
+        1
+        - 0.3 * (time >= 100.0) * np.exp(-(time - 100.0))
+        + 1e-4 * np.random.default_rng(0).normal(size=len(time))
+    )
+    rows = "\n".join(f"{t:.1f},{v:.6f},{0.8 * v:.6f},{0.1 * v:.6f}" for t, v in zip(time, V, strict=True))
+    path = tmp_path / "long.csv"
+    path.write_text(f"time,V,P,Q\n{rows}\n")
+    _, case, recording, _ = initiated(path)
+    assert (recording.time[0], recording.time[-1]) == pytest.approx((90.0, 130.0), abs=0.2)
+    assert case.recording.event_time == pytest.approx(100.0, abs=0.11)
+
+
+def test_one_unit_of_a_model_file_is_taken_and_of_several_none_is_guessed(tmp_path):
+    shutil.copy(DYR / "unit.csv", tmp_path)
+    one, two = tmp_path / "one.dyr", tmp_path / "two.dyr"
+    one.write_text(UNIT.format(bus=101, id=1))
+    two.write_text(UNIT.format(bus=101, id=1) + UNIT.format(bus=102, id="'A'"))
+    written = init_case(tmp_path / "unit.csv", one, tmp_path / "one.toml")
+    assert not written.missing
+    case = load_case(written.case)
+    assert (case.device.dyr, case.device.bus, case.device.id) == ("one.dyr", 101, "1")
+    written = init_case(tmp_path / "unit.csv", two, tmp_path / "two.toml")
+    (missing,) = written.missing
+    assert "Give bus and id" in missing
+    text = written.case.read_text()
+    assert '# bus = 101, id = "1"' in text
+    assert '# bus = 102, id = "A"' in text
+    with pytest.raises(InputError, match="Give bus and id"):
+        load_case(written.case)
+    assert written.picture is not None
+    written.case.write_text(text.replace('# bus = 102, id = "A"', 'bus = 102\nid = "A"'))
+    assert load_case(written.case).device.id == "A"
+
+
+def test_doubts_stand_in_the_file(tmp_path):
+    V, _, P, Q = VALUES.values()
+    V, P, Q = V.copy(), P.copy(), Q.copy()
+    for values in (V, P, Q):
+        values[120:123] = 0.0
+    written, _, _, text = initiated(write(tmp_path, ["time", "V", "P", "Q"], [V, P, Q]))
+    assert "# Doubt: 3 rows, the first at 2.4 s, hold exactly 0" in text
+    assert any("lost frames" in line for line in written.check)
+
+
+def test_what_cannot_be_guessed_is_a_line_to_state(tmp_path):
+    V, _, P, Q = VALUES.values()
+    written = init_case(write(tmp_path, ["time", "a", "b", "c"], [V, P, Q]), out=tmp_path / "case.toml")
+    assert written.picture is None
+    assert (
+        "no column is recognised as P"
+        not in written.case.read_text().replace("was", "is").split("[recording]")[0]
+    )
+    assert '# P = { column = "…", unit = "MW" }  # STATE' in written.case.read_text()
+    assert any("state recording.columns.V" in text for text in written.missing)
+    with pytest.raises(InputError, match="no column is mapped"):
+        load_case(written.case).load_recording()
+
+
+def test_existing_files_stay_and_unreadable_ones_are_refused(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    V, _, P, Q = VALUES.values()
+    path = write(tmp_path, ["time", "V", "P", "Q"], [V, P, Q])
+    assert main(["init", str(path)]) == 0
+    assert "Next: errorscreen check unit.toml" in capsys.readouterr().out
+    before = (tmp_path / "unit.toml").read_bytes()
+    assert main(["init", str(path)]) == 2
+    assert "unit.toml: exists already" in capsys.readouterr().err
+    assert (tmp_path / "unit.toml").read_bytes() == before
+    assert main(["init", str(path), "--out", "other.toml"]) == 0
+    (tmp_path / "binary.dat").write_bytes(bytes(range(256)) * 40)
+    (tmp_path / "words.txt").write_text("There is\nno table\nin here\n")
+    for name in ("binary.dat", "words.txt", "missing.csv", "."):
+        assert main(["init", name, "--out", "new.toml"]) == 2, name
+        assert "errorscreen:" in capsys.readouterr().err
+        assert not (tmp_path / "new.toml").exists()
+
+
+def test_no_warning_is_left_to_be_read_on_the_terminal(tmp_path, recwarn):
+    V, _, P, Q = VALUES.values()
+    init_case(
+        write(tmp_path, ["time", "V", "P", "Q"], [V / np.sqrt(3) * 13.8, P, Q]), out=tmp_path / "c.toml"
+    )
+    assert not [one for one in recwarn if issubclass(one.category, DataWarning)]
+    assert "line_neutral = true" in (tmp_path / "c.toml").read_text()
