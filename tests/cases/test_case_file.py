@@ -242,7 +242,7 @@ BAD = {
     ),
     "unknown format": (
         replaced("base_mva = 50", 'base_mva = 50\nformat = "cvs"'),
-        "recording.format: unknown format 'cvs' (did you mean 'csv'?). Allowed: csv, comtrade.",
+        "recording.format: unknown format 'cvs' (did you mean 'csv'?). Allowed: csv, comtrade,",
     ),
     "unknown sign": (
         replaced('sign = "load"', 'sign = "consumer"'),
@@ -338,7 +338,7 @@ BAD = {
     ),
     "unknown key of a further recording": (
         replaced("[device]", '[[together]]\npath = "b.csv"\nevent = 1.0\n[device]'),
-        "[together[1]]: unknown key 'event' (did you mean 'event_time'?)",
+        "[together[1]]: unknown key 'event' (did you mean 'event_time'",
     ),
     "several": (
         replaced("base_mva = 50", "base_mva = -50").replace("top_k = 3", "top_k = 0"),
