@@ -12,7 +12,6 @@ from errorscreen.data.readers.base import LAYOUT_KEYS, Reader
 from errorscreen.data.readers.comtrade import COMTRADE
 from errorscreen.data.readers.csv import CSV
 from errorscreen.data.readers.excel import EXCEL
-from errorscreen.data.readers.matlab import MATLAB
 from errorscreen.data.readers.pscad import PSCAD
 from errorscreen.data.readers.text import check_file, refuse_other_format
 from errorscreen.data.recordings import Recording
@@ -23,7 +22,7 @@ READERS: Registry[Reader] = Registry(
     "format",
     "errorscreen.readers",
     Reader,
-    {"csv": CSV, "comtrade": COMTRADE, "pscad": PSCAD, "matlab": MATLAB, "excel": EXCEL},
+    {"csv": CSV, "comtrade": COMTRADE, "pscad": PSCAD, "excel": EXCEL},
 )
 #: bytes that a format is recognised by
 _HEAD = 4096

@@ -13,8 +13,8 @@ from errorscreen.exceptions import InputError
 _OTHER_FORMATS = {
     b"PK\x03\x04": ("a spreadsheet or another zip archive", "State format = 'excel'"),
     b"\xd0\xcf\x11\xe0": ("a spreadsheet of an old version", "Save the sheet as .xlsx or CSV"),
-    b"MATLAB 5.0": ("a MATLAB file", "State format = 'matlab'"),
-    b"\x89HDF": ("an HDF5 or MATLAB 7.3 file", "State format = 'matlab'"),
+    b"MATLAB 5.0": ("a MATLAB file", "Export its variables as CSV"),
+    b"\x89HDF": ("an HDF5 or MATLAB 7.3 file", "Export its variables as CSV"),
     b"PAR1": ("a Parquet file", "Read it with pandas.read_parquet, and give the table to errorscreen.read"),
     b"--- file type": ("a COMTRADE file", "State format = 'comtrade'"),
     b"\x1f\x8b": ("compressed by gzip", "Unpack it"),

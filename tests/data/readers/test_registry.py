@@ -40,9 +40,7 @@ def test_the_last_reader_is_asked_first(tmp_path, monkeypatch):
 def test_an_unknown_format_is_answered_with_the_allowed_ones(tmp_path):
     path = tmp_path / "a.dat"
     path.write_bytes(b"\x01\x00\x02")
-    message = (
-        f"file {path}: the format is not recognised. Allowed: csv, comtrade, pscad, matlab, excel. State it"
-    )
+    message = f"file {path}: the format is not recognised. Allowed: csv, comtrade, pscad, excel. State it"
     with pytest.raises(InputError, match=re.escape(message)):
         read_recording(path, COLUMNS, **BASES)
     with pytest.raises(InputError, match="unknown format 'cvs' .did you mean 'csv'"):
