@@ -14,7 +14,7 @@ import errorscreen
 ROOT = Path(errorscreen.__file__).parent
 #: rooms from the ground up; `discovery` has floors of its own
 FLOORS = [
-    {"exceptions", "parameters", "events", "_runtime"},
+    {"exceptions", "parameters", "events", "arguments", "_runtime"},
     {"data", "engine", "metrics"},
     {"effects", "power"},
     {"models"},

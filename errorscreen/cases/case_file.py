@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 from pydantic import PrivateAttr, ValidationError
 
+from errorscreen._runtime.files import check_file
 from errorscreen.cases.case_models import (
     CalibrationSection,
     ColumnSection,
@@ -30,6 +31,8 @@ from errorscreen.exceptions import InputError, check_integer
 from errorscreen.parameters import ParameterSpace
 from errorscreen.simulators.plant.from_raw import RawPlant
 
+#: bytes of the largest case file
+_LARGEST = 2**24
 #: lists of further recordings, in the order of a study
 _FURTHER = ("together", "held_out")
 #: keys of [recording] that a further recording does not take over
@@ -313,9 +316,7 @@ def case_reference(section: str | None = None) -> str:
 
 
 def _parse(path: Path, source: str) -> dict[str, Any]:
-    if path.is_dir() or not path.exists():
-        what = "is a folder" if path.is_dir() else "does not exist"
-        raise InputError(what, where=source, allowed="a TOML file")
+    check_file(path, source, _LARGEST, "a TOML file")
     try:
         return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
     except UnicodeDecodeError as error:

@@ -27,17 +27,18 @@ from errorscreen.data.guesses import (
 from errorscreen.data.headers import known_unit
 from errorscreen.data.readers import recognised
 from errorscreen.data.readers.comtrade import read_comtrade_table
-from errorscreen.data.readers.csv import DELIMITERS, WHITESPACE, Layout, read_headers, read_table
+from errorscreen.data.readers.csv import read_headers, read_table
+from errorscreen.data.readers.head import COMMENTS, DELIMITERS, WHITESPACE, Layout, is_number
 from errorscreen.data.readers.text import decoded
 from errorscreen.data.table import Table
 from errorscreen.data.timestamps import format_of_time, read_time
+from errorscreen.data.units import KA, KV, MVA
 from errorscreen.data.waveforms import Waveforms, trios
 from errorscreen.exceptions import InputError
 
 _Array = NDArray[np.float64]
 #: lines that the layout is guessed from
 _LINES = 200
-_COMMENTS = ("#", "!", "//")
 
 
 @dataclass
@@ -88,11 +89,11 @@ def guess_file(path: Path) -> FileGuess:
 def _of_record(path: Path) -> FileGuess:
     table, time, record, notes = read_comtrade_table(path)
     step = float(np.median(np.diff(time)))
-    listed = [(one.name, one.phase, one.unit) for one in record.channels]
+    known = [(one.name, one.phase, one.unit) for one in record.channels]
     waves = None
     if step < 1 / 300:
         try:
-            waves = trios(listed, f"file {path}")
+            waves = trios(known, f"file {path}")
         except InputError as error:
             notes.append(f"{error.what[0].upper()}{error.what[1:]}.")
     f_nominal = record.frequency or None
@@ -100,7 +101,7 @@ def _of_record(path: Path) -> FileGuess:
         found = _of_waves(table, time, waves, guess_frequency({}, f_nominal, step), "")
         found.open += notes[1:]
         return found
-    channels, left = guess_channels(table, [name for name, *_ in listed], ".", f_nominal)
+    channels, left = guess_channels(table, [name for name, *_ in known], ".", f_nominal)
     keys = _bases(channels, guess_frequency(channels, f_nominal, step))
     return FileGuess(keys, channels, open=[*notes[1:], *left])
 
@@ -166,9 +167,8 @@ def _quality(path: Path, layout: Layout, names: Sequence[str]) -> dict[str, Gues
 def _of_waves(table: Table, time: _Array, spec: Waveforms, f_nominal: Guess, unit_reason: str) -> FileGuess:
     """Guess of waveforms; base and level follow from the first two periods."""
     first = time <= time[0] + 2.0 / f_nominal.value
-    units = {"V": 1e-3, "kV": 1.0, "A": 1e-3, "kA": 1.0}
     volts, amps = (
-        [table.numbers(name)[first] * units[table.units[name]] for name in names]
+        [table.numbers(name)[first] * {**KV, **KA}[table.units[name]] for name in names]
         for names in (spec.voltage, spec.current)
     )
     squares = sum(float(np.nanmean(v * v)) for v in volts)
@@ -208,9 +208,8 @@ def _of_waves(table: Table, time: _Array, spec: Waveforms, f_nominal: Guess, uni
 def _bases(channels: dict[str, ChannelGuess], f_nominal: Guess) -> dict[str, Guess]:
     """Bases from the levels of V, P and Q; the sign of P and Q, and V from line to neutral, go into `channels`."""
     keys = {"f_nominal": f_nominal}
-    factor = {"W": 1e-6, "kW": 1e-3, "MW": 1.0, "GW": 1e3, "var": 1e-6, "kvar": 1e-3, "Mvar": 1.0}
     P, Q = (
-        channels[name].level * factor.get(channels[name].fields["unit"], 1.0) if name in channels else 0.0
+        channels[name].level * MVA.get(channels[name].fields["unit"], 1.0) if name in channels else 0.0
         for name in "PQ"
     )
     of_P = channels["P"].fields["unit"] if "P" in channels else "pu"
@@ -243,7 +242,7 @@ def _layout(path: Path) -> dict[str, Guess]:
         text = decoded(path, "latin-1")
         keys["encoding"] = Guess("latin-1", "the file is not UTF-8")
     lines = text[: text.find("\0")].splitlines() if "\0" in text else _first_lines(text)
-    told = [k for k, one in enumerate(lines) if one.strip() and not one.lstrip().startswith(_COMMENTS)]
+    told = [k for k, one in enumerate(lines) if one.strip() and not one.lstrip().startswith(COMMENTS)]
     rows = [k for k in told if not re.fullmatch(r"sep=.\s*", lines[k], re.IGNORECASE)]
     tail = [lines[k] for k in rows[len(rows) // 2 :]]
     if not tail:
@@ -257,7 +256,7 @@ def _layout(path: Path) -> dict[str, Guess]:
         keys["decimal"] = Guess(",", "as the numbers in the file have it")
     width = len(_cells(tail[-1], delimiter))
     begin = next((k for k in rows if len(cells[k]) == width), rows[0])
-    numeric = [any(_is_number(cell, decimal) for cell in cells[k]) for k in rows if k >= begin]
+    numeric = [any(is_number(cell, decimal) for cell in cells[k]) for k in rows if k >= begin]
     n_heads = numeric.index(True) if True in numeric else len(numeric)
     if begin != rows[0]:
         keys["skip_rows"] = Guess(begin, "lines above the table")
@@ -266,7 +265,7 @@ def _layout(path: Path) -> dict[str, Guess]:
         heads = heads[:-1]  # a row of units, which the reader knows
     if len(heads) > 1:
         keys["header_rows"] = Guess(len(heads), "rows of texts above the numbers")
-    above = [lines[k] for k in range(begin) if lines[k].lstrip().startswith(_COMMENTS)]
+    above = [lines[k] for k in range(begin) if lines[k].lstrip().startswith(COMMENTS)]
     named = bool(above) and len(_cells(above[-1].lstrip("#!/ "), delimiter)) == width > 1
     if not heads and not named:
         names = ["time", *(f"column {k}" for k in range(2, width + 1))]
@@ -299,7 +298,3 @@ def _delimiter(lines: Sequence[str]) -> str:
 def _cells(line: str, delimiter: str) -> list[str]:
     parts = line.split() if delimiter == WHITESPACE else line.split(delimiter)
     return [cell.strip().strip('"') for cell in parts]
-
-
-def _is_number(cell: str, decimal: str) -> bool:
-    return re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", cell.replace(decimal, ".")) is not None

@@ -14,83 +14,20 @@ from numpy.typing import NDArray
 from errorscreen.data.headers import known_unit, role_and_unit
 from errorscreen.data.plausibility import PLAUSIBLE_V
 from errorscreen.data.table import Table
-from errorscreen.data.timestamps import TIME_UNITS, fitting_formats, parse_dates
+from errorscreen.data.timestamps import SECONDS, TIME_UNITS, fitting_formats, parse_dates, units_of_step
 from errorscreen.data.units import UNITS
 from errorscreen.exceptions import InputError
 
 _Array = NDArray[np.float64]
-#: units of numbers as time stamps in the order they are tried, with their seconds
-_TIME_UNITS = {
-    "s": 1.0,
-    "ms": 1e-3,
-    "us": 1e-6,
-    "ns": 1e-9,
-    "ticks": 1e-7,
-    "min": 60.0,
-    "h": 3600.0,
-    "d": 86400.0,
-}
-#: s between samples of recordings of plants
-_STEPS = (5e-5, 1.0)
 #: first stamps by which dates as numbers are known: days of spreadsheets, and ticks
 _ERAS = {"d": (2e4, 1e5), "ticks": (5e17, 8e17)}
 #: fractions in one second, as concentrators count them
 _TIME_BASES = (1e3, 1e4, 1e5, 1e6, 2.0**24, 1e7, 1e9)
 #: usual nominal voltages in kV, line to line
 LEVELS = (
-    *(
-        0.4,
-        0.48,
-        0.69,
-        1,
-        3.3,
-        4.16,
-        6,
-        6.6,
-        10,
-        11,
-        12.47,
-        13.2,
-        13.8,
-        15,
-        16,
-        16.5,
-        18,
-        20,
-        21,
-        22,
-        24,
-        25,
-        27,
-        30,
-    ),
-    *(
-        33,
-        34.5,
-        45,
-        63,
-        66,
-        69,
-        90,
-        110,
-        115,
-        132,
-        138,
-        150,
-        161,
-        220,
-        230,
-        275,
-        287,
-        330,
-        345,
-        380,
-        400,
-        500,
-        735,
-        765,
-    ),
-)
+    0.4, 0.48, 0.69, 1, 3.3, 4.16, 6, 6.6, 10, 11, 12.47, 13.2, 13.8, 15, 16, 16.5, 18, 20, 21, 22, 24, 25, 27, 30, 33,
+    34.5, 45, 63, 66, 69, 90, 110, 115, 132, 138, 150, 161, 220, 230, 275, 287, 330, 345, 380, 400, 500, 735, 765,
+)  # fmt: skip
 #: relative distance from a level, and from a level divided by √3, at which a voltage still belongs to it
 _NEAR, _NEAR_NEUTRAL = 0.07, 0.03
 #: words in headers that stand for a channel; the angle comes first, because "voltage angle" is one
@@ -100,23 +37,9 @@ _WORDS = {
     "P": {"p", "pg", "pgen", "pelec", "psum", "mw", "active"},
     "Q": {"q", "qg", "qgen", "qelec", "qsum", "mvar", "reactive"},
     "V": {
-        "v",
-        "u",
-        "u1",
-        "v1",
-        "vt",
-        "ut",
-        "vm",
-        "um",
-        "vmag",
-        "umag",
-        "volt",
-        "voltage",
-        "vterm",
-        "eterm",
-        "kv",
+        "v", "u", "u1", "v1", "vt", "ut", "vm", "um", "vmag", "umag", "volt", "voltage", "vterm", "eterm", "kv",
     },
-}
+}  # fmt: skip
 #: units that only one channel has
 _BY_UNIT = {"V": "V", "kV": "V", "deg": "angle", "rad": "angle", "Hz": "f", "mHz": "f"} | {
     unit: "PQ"["var" in unit.casefold()] for unit in UNITS["P"] if unit not in ("pu", "VA", "kVA", "MVA")
@@ -201,10 +124,10 @@ def _stamps_in(
         found["time_unit"] = Guess(unit, "as the file says")
         return found
     step = float(np.median(steps[steps > 0]))
-    fitting = [one for one, seconds in _TIME_UNITS.items() if _STEPS[0] <= seconds * step <= _STEPS[1]]
+    fitting = units_of_step(step)
     eras = [one for one, (low, high) in _ERAS.items() if one in fitting and low < numbers[0] < high]
     unit = [*eras, *fitting, "s"][0]
-    apart = f"samples are then {step * _TIME_UNITS[unit]:.3g} s apart"
+    apart = f"samples are then {step * SECONDS[unit]:.3g} s apart"
     found["time_unit"] = Guess(unit, f"{apart}, which is usual" if fitting else f"{apart}", check=not fitting)
     return found
 
@@ -231,7 +154,7 @@ def _dates_in(table: Table, name: str, why: str, names: Sequence[str]) -> dict[s
 def guess_channels(
     table: Table, names: Sequence[str], decimal: str, f_nominal: float | None
 ) -> tuple[dict[str, ChannelGuess], list[str]]:
-    """Channels of a table among some of its headers, and what was left open."""
+    """Channels of a table among some of its headers, and open points."""
     found: dict[str, list[tuple[int, str, str | None, str]]] = {}
     for name in names:
         last = name.split("|")[-1]

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from errorscreen.data.timestamps import SECONDS, units_of_step
 from errorscreen.exceptions import DataWarning
 
 _Array = NDArray[np.float64]
@@ -25,8 +26,6 @@ PLAUSIBLE_V = (0.5, 1.5)
 _NEAR = 0.06
 #: samples in a nominal period: what recordings of plants have
 _SAMPLING = (1e-3, 100.0)
-#: s between samples as recorders and simulation programs usually have it
-_USUAL_STEP = (5e-5, 1.0)
 #: relative distance of the frequency before the event from the nominal one
 _OFF_NOMINAL = 0.05
 #: Hz by which an angle may turn before an event: the frequency of a grid is nearer to the nominal one
@@ -61,7 +60,6 @@ VOLTAGE_FACTORS = (
     _Factor(np.sqrt(2 / 3), "√(2/3): a peak value from line to neutral?", "scale = 1.22474"),
     _Factor(np.sqrt(3), "√3: a base from line to neutral?", "base_kv from line to line"),
 )
-_TIME_UNITS = {"ms": 1e-3, "us": 1e-6, "ticks": 1e-7, "ns": 1e-9, "min": 60.0, "h": 3600.0, "d": 86400.0}
 
 
 def warn_implausible(
@@ -109,10 +107,8 @@ def _sampling(time: _Array, f_nominal: float) -> Iterator[str]:
     dt = float(np.median(np.diff(time)))
     if _SAMPLING[0] <= f_nominal * dt <= _SAMPLING[1]:
         return
-    fitting = [
-        name for name, factor in _TIME_UNITS.items() if _USUAL_STEP[0] <= factor * dt <= _USUAL_STEP[1]
-    ]
-    remedy = " or ".join(f"time_unit = {name!r} ({_TIME_UNITS[name] * dt:.3g} s)" for name in fitting)
+    fitting = units_of_step(dt)
+    remedy = " or ".join(f"time_unit = {name!r} ({SECONDS[name] * dt:.3g} s)" for name in fitting)
     yield f"Samples are {dt:.3g} s apart: check time_unit{f', for example {remedy}' if fitting else ''}."
 
 

@@ -16,12 +16,14 @@ from errorscreen.data.table import Table
 from errorscreen.exceptions import DataWarning, InputError, unknown_name
 
 #: Seconds in one unit. Ticks are those of .NET, 100 ns.
-_SECONDS = {
+SECONDS = {
     **{"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "ticks": 1e-7, "min": 60.0, "h": 3600.0, "d": 86400.0}
 }
+#: s between samples as recorders and simulation programs usually have it
+USUAL_STEP = (5e-5, 1.0)
 #: Units of dates as numbers: time counts from the first stamp.
 _OF_DATES = ("d", "ns", "ticks")
-TIME_UNITS = (*_SECONDS, "iso")
+TIME_UNITS = (*SECONDS, "iso")
 ON_BACKWARD = ("error", "sort", "drop")
 ON_DUPLICATE = ("mean", "last", "keep-step")
 #: Largest part of stamps with several different readings; more mean that the stamps are too coarse.
@@ -137,7 +139,7 @@ def read_time(
     if form.unit in _OF_DATES:
         notes.append(f"Time 0 is {form.header} = {stamps[0]:.12g} {form.unit}.")
         stamps = stamps - stamps[0]
-    time = stamps * _SECONDS[form.unit]
+    time = stamps * SECONDS[form.unit]
     far = np.flatnonzero(np.abs(time) > _LATEST)
     if len(far):
         raise InputError(
@@ -183,6 +185,17 @@ def _read_texts(table: Table, form: TimeFormat, notes: list[str]) -> tuple[_Arra
 def fitting_formats(text: str) -> list[str]:
     """Usual formats, with the codes of `datetime.strptime`, that a time stamp may be written in."""
     return [one for one in (*_FORMATS, *_TIMES_OF_DAY) if _fits(text, one)]
+
+
+def units_of_step(step: float) -> list[str]:
+    """Units in which a distance between samples would be usual.
+
+    Examples
+    --------
+    >>> units_of_step(20.0)
+    ['ms']
+    """
+    return [unit for unit, seconds in SECONDS.items() if USUAL_STEP[0] <= seconds * step <= USUAL_STEP[1]]
 
 
 def parse_dates(texts: pd.Series, pattern: str | None) -> pd.Series:

@@ -13,9 +13,9 @@ from errorscreen.data.channels import ROLE_UNITS
 from errorscreen.exceptions import InputError, check_real, unknown_name
 
 _Array = NDArray[np.float64]
-#: Volts, and megavolt-amperes, in one unit.
-_VOLTS = {"V": 1.0, "kV": 1e3}
-_MVA = {
+#: Kilovolts, kiloamperes and megavolt-amperes in one unit.
+KV, KA = {"V": 1e-3, "kV": 1.0}, {"A": 1e-3, "kA": 1.0}
+MVA = {
     **{"W": 1e-6, "kW": 1e-3, "MW": 1.0, "GW": 1e3},
     **{"var": 1e-6, "kvar": 1e-3, "Mvar": 1.0, "VAr": 1e-6, "kVAr": 1e-3, "MVAr": 1.0},
     **{"VA": 1e-6, "kVA": 1e-3, "MVA": 1.0},
@@ -23,11 +23,11 @@ _MVA = {
 _FREQUENCY = ("Hz", "mHz", "pu", "rad/s", "Hz deviation", "mHz deviation")
 #: Allowed units by channel name.
 UNITS: dict[str, tuple[str, ...]] = {
-    "V": (*_VOLTS, "pu"),
+    "V": (*KV, "pu"),
     "angle": ("rad", "deg"),
     "f": _FREQUENCY,
-    "P": (*_MVA, "pu"),
-    "Q": (*_MVA, "pu"),
+    "P": (*MVA, "pu"),
+    "Q": (*MVA, "pu"),
 }
 
 
@@ -156,7 +156,7 @@ def convert(role: str, numbers: _Array, spec: Column, bases: Bases, where: str) 
     unit = spec.unit or ROLE_UNITS.get(role, "")
     if role in ("P", "Q"):
         sign = -1.0 if spec.sign == "load" else 1.0
-        mva = (spec.base or bases.mva) if unit == "pu" else _MVA[unit] * (3.0 if spec.per_phase else 1.0)
+        mva = (spec.base or bases.mva) if unit == "pu" else MVA[unit] * (3.0 if spec.per_phase else 1.0)
         return sign * numbers * (mva / bases.mva)
     if role == "V":
         return numbers * _voltage_factor(unit, spec, bases, where)
@@ -178,7 +178,7 @@ def _voltage_factor(unit: str, spec: Column, bases: Bases, where: str) -> float:
             where=where,
             remedy="Give base_kv, the base voltage from line to line in kV",
         )
-    kv = (spec.base or bases.kv) if unit == "pu" else _VOLTS[unit] / 1e3
+    kv = (spec.base or bases.kv) if unit == "pu" else KV[unit]
     return kv * (float(np.sqrt(3.0)) if spec.line_neutral else 1.0) / bases.kv
 
 

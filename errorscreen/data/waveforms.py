@@ -35,7 +35,7 @@ from errorscreen.data.frames import Specs, build_recording
 from errorscreen.data.plausibility import doubt
 from errorscreen.data.recordings import Recording
 from errorscreen.data.table import Table
-from errorscreen.data.units import Column, unwrap
+from errorscreen.data.units import KA, KV, Column, unwrap
 from errorscreen.exceptions import InputError, unknown_name
 
 _Array = NDArray[np.float64]
@@ -45,7 +45,6 @@ METHODS = ("cycle", "P", "M")
 _LEAST_SAMPLES = 6
 #: half length of the window of class M in periods, and its cut-off in multiples of 1/T
 _M_HALF, _M_CUTOFF = 4.0, 0.14
-_UNITS = {"V": 1e-3, "kV": 1.0, "A": 1e-3, "kA": 1.0}
 _TURN = np.exp(2j * np.pi / 3)
 #: channels that follow from waveforms, with their units
 _OWN = {"V": "kV", "angle": "rad", "f": "Hz", "P": "MW", "Q": "Mvar"}
@@ -191,7 +190,7 @@ def phasors(
             allowed=f"{2 * half:g} s",
         )
     voltages = [_phasor(table, header, time, at, spec.method, f_nominal) for header in spec.voltage]
-    scale = _factor(table, spec.voltage, spec.voltage_unit, ("V", "kV"))
+    scale = _factor(table, spec.voltage, spec.voltage_unit, KV)
     one, two, zero = (scale * part for part in _sequences(voltages))
     if spec.line_to_line:
         one, two = (
@@ -220,7 +219,7 @@ def phasors(
     }
     if spec.current:
         currents = [_phasor(table, header, time, at, spec.method, f_nominal) for header in spec.current]
-        scale = _factor(table, spec.current, spec.current_unit, ("A", "kA"))
+        scale = _factor(table, spec.current, spec.current_unit, KA)
         of_one, of_two, _ = (scale * part for part in _sequences(currents))
         if np.nanmedian(np.abs(of_two[start])) > np.nanmedian(np.abs(of_one[start])):
             notes.append(
@@ -269,18 +268,18 @@ def _headers(column: Any) -> tuple[str, ...]:
     return tuple(found[key] for key in ("column", "real", "imag") if found.get(key))
 
 
-def _factor(table: Table, headers: Sequence[str], given: str | None, allowed: tuple[str, str]) -> float:
+def _factor(table: Table, headers: Sequence[str], given: str | None, factors: Mapping[str, float]) -> float:
     """Factor to kV or kA."""
     units = {given} if given else {table.units.get(header, "") for header in headers}
     unit = units.pop() if len(units) == 1 else ""
-    if unit not in allowed:
+    if unit not in factors:
         raise InputError(
             f"the unit of {', '.join(headers)} is {unit or 'not stated'!r}",
             where=f"{table.source}, waveforms",
-            allowed=f"{allowed[0]} or {allowed[1]}, the same for all",
-            remedy=f"Give {'voltage_unit' if 'V' in allowed else 'current_unit'}",
+            allowed=f"{' or '.join(factors)}, the same for all",
+            remedy=f"Give {'voltage_unit' if 'V' in factors else 'current_unit'}",
         )
-    return _UNITS[unit]
+    return factors[unit]
 
 
 def _sequences(phases: Sequence[_Phasor]) -> tuple[_Phasor, _Phasor, _Phasor]:

@@ -9,13 +9,13 @@ from __future__ import annotations
 import difflib
 import math
 import re
-import stat
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
+from errorscreen._runtime.files import check_file
 from errorscreen.exceptions import InputError
 
 #: bytes of the largest file that is read; a model file of a continent has some 20 MB
@@ -89,26 +89,13 @@ def read_text(path: Path, kind: str = "DYR") -> tuple[str, str]:
     The kind, ``"DYR"`` or ``"RAW"``, is for messages.
     """
     where = f"file {path}"
+    check_file(path, where, LARGEST, f"a {kind} file", f"Give the path of the {kind} file")
     try:
-        status = path.stat()
-        if not stat.S_ISREG(status.st_mode):
-            found_kind = "a directory" if stat.S_ISDIR(status.st_mode) else "a device or a pipe"
-            raise InputError(
-                f"is {found_kind}", where=where, allowed="a file", remedy=f"Give the path of the {kind} file"
-            )
-        if status.st_size > LARGEST:
-            raise InputError(
-                f"has {status.st_size / 2**20:.0f} MiB",
-                where=where,
-                allowed=f"at most {LARGEST // 2**20} MiB",
-                remedy=f"Check that this is a {kind} file, or cut it into several",
-            )
         data = path.read_bytes()
-    except FileNotFoundError as error:
-        raise InputError("is not there", where=where, remedy="Check the path") from error
-    except (OSError, ValueError) as error:
-        problem = f"cannot be read: {getattr(error, 'strerror', None) or error}"
-        raise InputError(problem, where=where, allowed="a readable file") from error
+    except OSError as error:
+        raise InputError(
+            f"cannot be read: {error.strerror or error}", where=where, allowed="a readable file"
+        ) from error
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         raise InputError(
             "is text in UTF-16", where=where, allowed="UTF-8 or Latin-1", remedy="Save it as UTF-8"

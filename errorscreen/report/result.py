@@ -182,7 +182,7 @@ class NewRecord:
 
 @dataclass(frozen=True)
 class Correction:
-    """What has to change in the user's model file.
+    """Changes of the user's model file.
 
     Parameters
     ----------

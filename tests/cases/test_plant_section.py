@@ -90,7 +90,7 @@ def test_equal_units_of_both_files_count_as_one(tmp_path):
         ({"plant": "measured = 3"}, "measured is given without raw"),
         ({"plant": RAW + "\nreactance = 0.1"}, "raw and reactance are both given"),
         ({"plant": RAW.replace("POINT", "NOWHERE")}, "bus 'NOWHERE' is not in"),
-        ({"plant": RAW.replace("case.raw", "other.raw")}, "other.raw: is not there"),
+        ({"plant": RAW.replace("case.raw", "other.raw")}, "other.raw: does not exist"),
         ({"device": 'type = "pv_plant"'}, "raw is given, but the unit has no model file"),
         ({"dyr": DYR.format(id=7)}, "bus 1 has no generator '7'"),
     ],

@@ -404,9 +404,9 @@ def test_another_file_is_refused(tmp_path, kind):
 
 
 def test_a_path_that_is_no_file(tmp_path):
-    with pytest.raises(InputError, match="is not there.*Check the path"):
+    with pytest.raises(InputError, match="does not exist.*Check the path"):
         read_dyr(tmp_path / "missing.dyr")
-    with pytest.raises(InputError, match="is a directory.*Allowed: a file"):
+    with pytest.raises(InputError, match="is a folder.*Allowed: a DYR file"):
         read_dyr(tmp_path)
     with pytest.raises(InputError, match="cannot be read"):
         read_dyr("a\0b")

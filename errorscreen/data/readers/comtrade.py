@@ -113,7 +113,7 @@ def read_comtrade(
 
 
 def read_comtrade_table(path: Path) -> tuple[Table, _Array, _Configuration, list[str]]:
-    """Analogue channels in primary values, their time in seconds, the configuration, and what was noticed."""
+    """Analogue channels in primary values, their time in seconds, the configuration, and remarks."""
     head, data = _parts(path)
     found = _configuration(head, f"file {path}")
     numbers, stamps, values = _samples(data, found, f"file {path}")
@@ -211,7 +211,9 @@ def _configuration(content: bytes, source: str) -> _Configuration:
             allowed="as '8,6A,2D'",
         )
     n_analogue, n_status = (int(one[1]) for one in match if one)
-    channels = _unique([_channel(lines, revision) for _ in range(n_analogue)])
+    channels = [_channel(lines, revision) for _ in range(n_analogue)]
+    names = numbered((one.name for one in channels), taken=["time"])
+    channels = [replace(one, name=name) for one, name in zip(channels, names, strict=True)]
     for _ in range(n_status):
         lines.cells()
     (frequency,) = lines.numbers(lines.cells()[:1])
@@ -230,7 +232,15 @@ def _configuration(content: bytes, source: str) -> _Configuration:
     # stamps count nanoseconds where the dates have nine decimals
     tick = 1e-9 if re.search(r"\.\d{9}", start) else 1e-6
     return _Configuration(
-        revision, channels, n_status, frequency, tuple(rates), start, trigger, kind, tick * (factor or 1.0)
+        revision,
+        tuple(channels),
+        n_status,
+        frequency,
+        tuple(rates),
+        start,
+        trigger,
+        kind,
+        tick * (factor or 1.0),
     )
 
 
@@ -253,12 +263,6 @@ def _channel(lines: _Lines, revision: int) -> _Channel:
         factor, offset = factor * ratio, offset * ratio
     unit = known_unit("", cells[4]) or cells[4]
     return _Channel(cells[1], cells[2].upper(), unit, factor, offset)
-
-
-def _unique(channels: Sequence[_Channel]) -> tuple[_Channel, ...]:
-    """Channels with a name of their own each: the second of equal names gets its number."""
-    names = numbered((channel.name for channel in channels), taken=["time"])
-    return tuple(replace(channel, name=name) for channel, name in zip(channels, names, strict=True))
 
 
 def _samples(data: bytes, found: _Configuration, source: str) -> tuple[_Array, _Array, list[_Array]]:

@@ -17,10 +17,7 @@ from errorscreen.data.frames import Specs
 from errorscreen.data.headers import known_unit
 from errorscreen.data.no_readings import Quality, as_quality
 from errorscreen.data.readers.base import LAYOUT_KEYS, Reader
-from errorscreen.data.readers.head import DELIMITERS as DELIMITERS
-from errorscreen.data.readers.head import WHITESPACE as WHITESPACE
-from errorscreen.data.readers.head import Head
-from errorscreen.data.readers.head import Layout as Layout
+from errorscreen.data.readers.head import WHITESPACE, Head, Layout
 from errorscreen.data.readers.long import Long, as_long, spread
 from errorscreen.data.readers.tables import recording_of_table
 from errorscreen.data.readers.text import is_text

@@ -16,7 +16,7 @@ DELIMITERS = (",", ";", "\t", "|")
 #: runs of blanks and tabulators
 WHITESPACE = "whitespace"
 #: what a line of comment above the header begins with
-_COMMENTS = ("#", "!", "//")
+COMMENTS = ("#", "!", "//")
 #: first line by which spreadsheets state the delimiter
 _STATED = re.compile(r"sep=(.)\s*", re.IGNORECASE)
 
@@ -78,7 +78,7 @@ class Head:
             lines.take()
         stated, comment = None, ""
         while (line := lines.next()) is not None and (
-            not line.strip() or line.lstrip().startswith(_COMMENTS) or _STATED.fullmatch(line)
+            not line.strip() or line.lstrip().startswith(COMMENTS) or _STATED.fullmatch(line)
         ):
             match = _STATED.fullmatch(line)
             stated, comment = match[1] if match else stated, line.strip()
@@ -96,7 +96,7 @@ class Head:
         if layout.header is not None:
             return cls(source, [str(one) for one in layout.header], delimiter, {}, lines.rest, lines.number)
         first, above = _split(line, delimiter), _split(comment.lstrip("#!/ "), delimiter)
-        numeric = all(_is_number(cell, layout.decimal) for cell in first if cell)
+        numeric = all(is_number(cell, layout.decimal) for cell in first if cell)
         if numeric and len(above) == len(first) > 1:
             return cls(source, above, delimiter, {}, lines.rest, lines.number)
         rows = [_split(lines.take() or "", delimiter) for _ in range(layout.header_rows)]
@@ -155,7 +155,8 @@ def _split(line: str, delimiter: str) -> list[str]:
     return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])]
 
 
-def _is_number(cell: str, decimal: str) -> bool:
+def is_number(cell: str, decimal: str) -> bool:
+    """Whether a cell holds a number."""
     try:
         float(cell.replace(",", ".") if decimal == "," else cell)
     except ValueError:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import codecs
-import difflib
-import stat
 from pathlib import Path
 
+from errorscreen._runtime import files
 from errorscreen.exceptions import InputError
 
 #: First bytes of formats that are no text, with what to do.
@@ -26,38 +25,13 @@ _LARGEST = 2**31
 
 
 def check_file(path: Path) -> None:
-    """Refuse a path that is no ordinary file; others, such as pipes and devices, may never end.
-
-    Raises
-    ------
-    InputError
-        With the nearest names in the folder for a file that does not exist.
-    """
-    where = f"file {path}"
-    try:
-        mode = (found := path.stat()).st_mode
-    except FileNotFoundError as error:
-        siblings = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
-        near = difflib.get_close_matches(path.name, siblings, n=3)
-        remedy = f"Did you mean {', '.join(near)}?" if near else "Check the path"
-        raise InputError("does not exist", where=where, remedy=remedy) from error
-    except (OSError, ValueError) as error:
-        raise InputError(
-            f"cannot be read: {getattr(error, 'strerror', None) or error}", where=where
-        ) from error
-    if stat.S_ISDIR(mode):
-        raise InputError("is a folder", where=where, allowed="a text file")
-    if not stat.S_ISREG(mode):
-        raise InputError("is a device or a pipe", where=where, allowed="an ordinary file")
-    check_size(found.st_size, where)
+    """Refuse a path that is no ordinary file, or too large; see `errorscreen._runtime.files.check_file`."""
+    files.check_file(path, f"file {path}", _LARGEST, "a file of readings")
 
 
 def check_size(size: int, where: str) -> None:
     """Refuse more bytes than a recording may have, of a file or of what it unpacks to."""
-    if size > _LARGEST:
-        raise InputError(
-            f"has {size / 2**30:.3g} GiB", where=where, allowed="up to 2 GiB", remedy="Cut out the event"
-        )
+    files.check_size(size, _LARGEST, where)
 
 
 def decoded(path: Path, encoding: str) -> str:

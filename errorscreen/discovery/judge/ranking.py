@@ -56,7 +56,7 @@ class NamedEffect:
     confused_with : tuple of str
         Causes of similar errors.
     title : str
-        What it is, with what its fitted values mean.
+        Name in words, with the meaning of its fitted values.
     acts : tuple of Acting
         From when to when it acts in each recording; only told of probable causes.
     """

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 
 import numpy as np
@@ -11,11 +10,11 @@ from numpy.typing import NDArray
 from errorscreen.data import resampling
 from errorscreen.data.channels import ROLE_UNITS
 from errorscreen.data.observations import Observation
-from errorscreen.data.plausibility import Doubt
+from errorscreen.data.plausibility import doubt
 from errorscreen.data.recordings import Recording
 from errorscreen.data.signals import scatter
 from errorscreen.events import IDLE, Playback, SetPointStep
-from errorscreen.exceptions import DataWarning, InputError
+from errorscreen.exceptions import InputError
 from errorscreen.simulators.plant.terminal_angle import NO_ANGLE, AngleSource, angle_behind, noise_of_angle
 
 #: plausible P in pu: less is a plant out of service, or a base a hundred times too large; more is a wrong unit or base
@@ -152,7 +151,7 @@ def levels_apart(event: Playback, model: Mapping[str, float]) -> list[str]:
                 f"{factor}. Only the recorded deviation is used. If the record has another base, state the factor as "
                 f"scale of its column, because the deviation is as wrong; if not, the model's equilibrium is."
             )
-    return _doubted(notes, f"event {event.name!r}")
+    return [doubt(note, f"event {event.name!r}") for note in notes]
 
 
 def _warn_implausible(P: float, Q: float, where: str) -> list[str]:
@@ -168,14 +167,7 @@ def _warn_implausible(P: float, Q: float, where: str) -> list[str]:
         notes.append(
             f"Q before the event is {Q:.3g} pu and P {P:.3g} pu: check that they are not interchanged."
         )
-    return _doubted(notes, where)
-
-
-def _doubted(notes: list[str], where: str) -> list[str]:
-    for note in notes:
-        # from the same place for every caller, so that Python shows it once in a run
-        warnings.warn(f"{where}: {note}", DataWarning, stacklevel=2)
-    return [Doubt(note) for note in notes]
+    return [doubt(note, where) for note in notes]
 
 
 def _filled(
