@@ -150,11 +150,22 @@ class Playback(_Driven):
         Seconds that readings may be older than their time stamps, because a meter holds them.
     steps : tuple of SetPointStep
         Steps of set-points of the device.
+    fine : Playback, optional
+        The same at every reading, where the signals are averages over several of them.
     """
 
     noise: Mapping[str, float] = field(default_factory=dict)
     age: float = 0.0
     steps: tuple[SetPointStep, ...] = ()
+    fine: Playback | None = None
+
+    def first(self, samples: int) -> Self:
+        """Return the event on the first instants of its time axis only, see `Event.first`."""
+        part = super().first(samples)
+        if self.fine is None:
+            return part
+        until = int(np.searchsorted(self.fine.time, part.time[-1], side="right"))
+        return replace(part, fine=self.fine.first(until))
 
     @property
     def by_power(self) -> bool:

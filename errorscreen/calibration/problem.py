@@ -19,8 +19,8 @@ from errorscreen.parameters import distinct_rows
 from errorscreen.simulators.base import Simulator
 from errorscreen.simulators.observations import as_observations, check_names
 
-#: most simulated numbers of a thread at a time where only the misfit is kept (128 MiB)
-_CHUNK = 2**24
+#: most simulated numbers of a thread at a time where only the misfit is kept (64 MiB)
+_CHUNK = 2**23
 #: fewest measured samples after the start of an event in a part of a recording
 _LEAST = 8
 #: a fit is refused if more unaccounted noise than this passes, in multiples of the noise
@@ -141,11 +141,14 @@ class FitProblem:
 
     def chi_square(self, values: ArrayLike) -> NDArray[np.float64]:
         """χ² of each row, shape (n,); NaN in rows that failed. Any number of rows fits into memory."""
-        values = np.atleast_2d(np.asarray(values, dtype=float))
+        return np.concatenate([(self.residuals(some) ** 2).sum(axis=1) for some in self.portions(values)])
+
+    def portions(self, values: ArrayLike) -> list[NDArray[np.float64]]:
+        """Rows (n, k) in portions whose responses fit into memory together."""
+        rows = np.atleast_2d(np.asarray(values, dtype=float))
         size = max(o.values.size for o in self.observations)
-        rows = max(1, _CHUNK // (size * len(self.observations)))
-        chunks = [values[start : start + rows] for start in range(0, len(values), rows)]
-        return np.concatenate([(self.residuals(chunk) ** 2).sum(axis=1) for chunk in chunks])
+        most = max(1, _CHUNK // (size * len(self.observations)))
+        return [rows[start : start + most] for start in range(0, len(rows), most)]
 
     @property
     def passes_noise(self) -> bool:

@@ -45,6 +45,33 @@ def uniform_grid(start: float, stop: float, dt: float) -> NDArray[np.float64]:
     return float(start) + float(dt) * np.arange(count, dtype=float)
 
 
+def compared_step(time: ArrayLike, f_nominal: float) -> float:
+    """Step in seconds on which simulations of rms quantities are compared with readings.
+
+    It is the distance of the readings. Of much denser ones it is the largest multiple of that within a quarter of a
+    nominal period: a model of phasors knows nothing faster, and what is simulated and kept grows with the grid.
+
+    Parameters
+    ----------
+    time : array-like of shape (L,)
+        Seconds.
+    f_nominal : float
+        Hz.
+
+    Examples
+    --------
+    >>> time = np.arange(1000.0)
+    >>> round(compared_step(0.01 * time, 50.0), 9), round(compared_step(0.001 * time, 50.0), 9)
+    (0.01, 0.005)
+    """
+    t = np.asarray(time, dtype=float)
+    distance = float(np.median(np.diff(t)))
+    # a record within some milliseconds has a wrong unit of time, which is told elsewhere
+    readings = min(int(0.25 / f_nominal / distance * (1 + 1e-6)), len(t) // 10)
+    # where no low-pass would average the readings, leaving some out would lose what they say
+    return readings * distance if readings > COARSE else distance
+
+
 def low_pass_needed(step: float, distance: float) -> bool:
     """Whether a grid of `step` seconds is so coarse that faster content of the readings would fold back."""
     return bool(step > COARSE * distance)

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from errorscreen.data.resampling import interpolate, uniform_grid
+from errorscreen.data.resampling import compared_step, interpolate, uniform_grid
 from errorscreen.exceptions import InputError
 
 TIME = np.arange(100) * 0.02
@@ -21,6 +21,19 @@ def test_a_grid_that_no_memory_could_hold_is_refused():
     assert len(uniform_grid(0.0, 6.0, 6e-6)) == 1_000_001
     with pytest.raises(InputError, match=r"6 s in steps of 1e-09 s are 6e\+09 steps.*at most 1e\+06"):
         uniform_grid(0.0, 6.0, 1e-9)
+
+
+@given(st.floats(1e-5, 1.0), st.sampled_from([50.0, 60.0]))
+def test_simulations_are_compared_at_readings_and_no_finer_than_they_need(distance, f_nominal):
+    step = compared_step(np.arange(10_000) * distance, f_nominal)
+    assert step / distance == pytest.approx(round(step / distance))
+    assert step == pytest.approx(distance) or 0.75 <= step * 4 * f_nominal <= 1 + 1e-5
+    assert step <= max(distance, 0.25 / f_nominal) * (1 + 1e-5)
+
+
+def test_a_record_of_milliseconds_keeps_instants_to_compare():
+    time = np.arange(300) * 1e-6
+    assert compared_step(time, 50.0) <= time[-1] / 9
 
 
 def test_its_own_grid_changes_nothing():

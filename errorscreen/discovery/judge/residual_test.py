@@ -40,6 +40,8 @@ _FEWEST = 3
 _FEWEST_DRAWS = 20
 #: draws of noise that are transformed at a time
 _BLOCK = 16
+#: values of noise that are drawn at a time, so that long recordings do not fill the memory
+_MOST_VALUES = 2**22
 #: draws after which no more are made if none of them comes near: what is so many times as conspicuous as all of them is
 #: not reached by any
 _FIRST_DRAWS, _NEVER = 200, 3.0
@@ -165,7 +167,10 @@ def residual_test(
     J = np.zeros((len(z), 0)) if jacobian is None else np.asarray(jacobian, dtype=float)
 
     def draw(n: int) -> _Array:
-        return _drawn(observations, J, _null(observations, n, tau, spread, levels, rng))
+        at_once = max(_BLOCK, _MOST_VALUES // len(z))
+        parts = [min(at_once, n - i) for i in range(0, n, at_once)]
+        nulls = (_null(observations, part, tau, spread, levels, rng) for part in parts)
+        return np.concatenate([_drawn(observations, J, null) for null in nulls])
 
     expected, excess, largest = _compared(energy[0], draw, n_bootstrap)
     p_cells = norm.sf(excess)
@@ -179,10 +184,10 @@ def residual_test(
 
 
 def _drawn(observations: Sequence[Observation], jacobian: _Array, null: _Array) -> _Array:
-    """Energies (n, cells) of draws of noise (n, N) without what would have been fitted, (D3)."""
+    """Energies (n, cells) of draws of noise (n, N) without what would have been fitted, (D3); changes the draws."""
     if jacobian.size:
         A = cho_factor(jacobian.T @ jacobian + np.eye(jacobian.shape[1]) / PRIOR**2)
-        null = null - cho_solve(A, (null @ jacobian).T).T @ jacobian.T
+        null -= cho_solve(A, (null @ jacobian).T).T @ jacobian.T
     blocks = range(0, len(null), _BLOCK)  # of a size that stays in the processor's cache
     return np.concatenate([_energies(observations, null[i : i + _BLOCK])[1] for i in blocks])
 
@@ -263,6 +268,7 @@ def _null(
         if rho > 0:  # first-order autoregression, whose correlation time is (1 + rho) / (1 - rho)
             w[..., 1:] *= np.sqrt(1 - rho**2)
             w = lfilter([1.0], [1.0, -rho], w, axis=-1)
-        w = w * np.exp(width * rng.standard_normal((n, w.shape[1], 1))) * np.asarray(level)[:, None]
+        w *= np.exp(width * rng.standard_normal((n, w.shape[1], 1)))
+        w *= np.asarray(level)[:, None]
         parts.append(w[:, observation.mask])
     return np.concatenate(parts, axis=1)

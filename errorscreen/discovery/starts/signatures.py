@@ -206,6 +206,14 @@ def projected(
     problem: FitProblem, rows: _Array, J: _Array, columns: NDArray[np.int64]
 ) -> tuple[_Array, _Array]:
     """Objectives (n,) of (D2) at rows (n, k), inf where a simulation fails, and the steps of the columns to them."""
+    parts = [_projected(problem, some, J, columns) for some in problem.portions(rows)]
+    objectives, steps = zip(*parts, strict=True)
+    return np.concatenate(objectives), np.concatenate(steps)
+
+
+def _projected(
+    problem: FitProblem, rows: _Array, J: _Array, columns: NDArray[np.int64]
+) -> tuple[_Array, _Array]:
     z = problem.residuals(problem.values(rows))
     failed = np.isnan(z).any(axis=1)
     z[failed] = 0.0

@@ -14,6 +14,7 @@ from scipy.ndimage import maximum_filter1d, median_filter, minimum_filter1d
 
 from errorscreen._runtime.threads import parallel_map
 from errorscreen.data.observations import Observation
+from errorscreen.data.resampling import interpolate
 from errorscreen.data.signals import scatter
 from errorscreen.events import Playback
 from errorscreen.simulators.plant.playback import input_noise
@@ -77,8 +78,10 @@ def with_uncertainty(
     noise = np.asarray(observation.noise)
     changed = _changes(run, response, noise)
     extra = np.zeros(observation.values.shape)
-    for options in ({"interpolation": "linear"}, {"step": 0.5 * step}):
-        change = np.abs(changed(event, **options))
+    between = [changed(event, interpolation="linear"), changed(event, step=0.5 * step)]
+    if event.fine is not None:
+        between.append(_changes(partial(_averaged, run), response, noise)(event))
+    for change in map(np.abs, between):
         usual = 3.0 * change[:, part].max(axis=1, initial=0.0)  # from noise alone
         extra = np.hypot(extra, np.where(change > usual[:, None], change, 0.0))
     extra = np.hypot(extra, _late(observation, part))
@@ -148,6 +151,12 @@ def _changes(run: _Run, response: _Array, noise: _Array) -> _Run:
         return np.where(_same_response(change, response, noise), change, 0.0)
 
     return changed
+
+
+def _averaged(run: _Run, event: Playback) -> _Array:
+    """Response to all readings, averaged as the signals were: what a jump does is not what its average does."""
+    assert event.fine is not None
+    return np.array([interpolate(event.fine.time, row, event.time) for row in run(event.fine)])
 
 
 def _propagated(changed: _Run, event: Playback, inputs: _Inputs, channels: tuple[str, ...]) -> _Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from errorscreen._runtime.threads import one_blas_thread
 from errorscreen.data.observations import Observation
 from errorscreen.data.recordings import Recording
-from errorscreen.data.resampling import check_steps
+from errorscreen.data.resampling import check_steps, compared_step, low_pass_needed, spacing
 from errorscreen.data.signals import correlation_time
 from errorscreen.effects import Effect
 from errorscreen.engine.kernels import new_engine
@@ -68,7 +69,7 @@ class PlantSimulator(Simulator):
     step : float
         Longest step of the integration in seconds; the step used divides the step of the time axis.
     dt : float, optional
-        Step of the time axis for recordings; their median sample distance where not given.
+        Step of the time axis for recordings; `errorscreen.data.resampling.compared_step` where not given.
     operating_point : mapping of str to float, optional
         Pre-event ``"P"`` or ``"Q"`` in pu where it was not recorded.
     grid_impedance : complex, default 0
@@ -184,7 +185,8 @@ class PlantSimulator(Simulator):
         - The simulation starts from a level that is a mean of noisy samples (`Observation.level_std`).
         - The voltage between its samples is unknown, and the integration is not exact. Where another interpolation
           or half the step changes the response by more than noise does, that change is uncertain
-          (`Observation.extra`).
+          (`Observation.extra`). So is the change where averages over several readings are compared, and the
+          voltage of each reading is injected instead.
 
         `InputError` if the recording lacks what the injection needs.
         """
@@ -198,10 +200,10 @@ class PlantSimulator(Simulator):
 
     def without_uncertainty(self, recording: Recording) -> Observation:
         """Observation of a recording as `observe` gives it, without the uncertainty, which takes many simulations."""
-        return playback_observation(
+        played_on = partial(
+            playback_observation,
             recording,
             self.channels,
-            dt=self.dt,
             needs_angle=self.device.needs_angle,
             grid_impedance=self.grid_impedance,
             operating_point=self.operating_point,
@@ -209,6 +211,14 @@ class PlantSimulator(Simulator):
             imposed=self.imposed,
             angle_source=self.angle_source,
         )
+        readings = spacing(recording.time, recording.time)
+        observation = played_on(dt=self.dt or compared_step(recording.time, recording.f_nominal))
+        event = observation.event
+        if low_pass_needed(event.dt, readings) and isinstance(event, Playback):
+            fine = played_on(dt=readings).event
+            assert isinstance(fine, Playback)
+            observation = replace(observation, event=replace(event, fine=fine))
+        return observation
 
     @property
     def threads(self) -> int:

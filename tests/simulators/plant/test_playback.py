@@ -52,6 +52,24 @@ def test_a_simulation_of_the_truth_is_within_noise():
     assert np.sqrt(np.mean((y - observed.values)[:, late] ** 2)) < 3e-3
 
 
+def test_a_fast_recording_is_compared_on_a_coarser_grid_and_its_truth_is_within_noise():
+    event = dip(dt=0.001)
+    simulator = plant("synchronous_machine", event)
+    P, Q = simulator.simulate(simulator.parameters.nominal).values[0]
+    rng = np.random.default_rng(0)
+    values = {"V": event.signals["V"], "angle": event.signals["angle"], "P": P, "Q": Q}
+    values = {name: v + 1e-3 * rng.standard_normal(v.shape) for name, v in values.items()}
+    fast = Recording.from_arrays(event.time, values, base_mva=100, f_nominal=60, event_time=1.0)
+    simulator = PlantSimulator("synchronous_machine", fast)
+    observed = simulator.observe(fast)
+    assert observed.event.dt == pytest.approx(0.004)
+    z = observed.deviations(simulator.simulate(simulator.parameters.nominal).values[0])
+    assert 0.8 < np.mean(z**2) < 1.2
+    every = PlantSimulator("synchronous_machine", fast, dt=0.001).observe(fast)
+    assert every.event.dt == pytest.approx(0.001)
+    assert (observed.noise < 0.8 * every.noise).all()  # four readings are averaged
+
+
 def test_frequency_stands_in_for_the_angle():
     def frequency(event):
         return 60.008 + np.gradient(event.signals["angle"], event.time) / (2 * np.pi)
