@@ -14,6 +14,7 @@ import numpy as np
 from errorscreen.calibration import CALIBRATORS, BaseCalibrator
 from errorscreen.data.frames import Specs, from_frame
 from errorscreen.data.headers import guess_columns, guess_time, time_unit_of
+from errorscreen.data.pandas_tables import headers_of_frame
 from errorscreen.data.readers import READERS, check_options, read_recording, recognised
 from errorscreen.data.readers.base import LAYOUT_KEYS
 from errorscreen.data.recordings import Recording
@@ -62,7 +63,8 @@ def read(
     format : str, optional
         Name in `errorscreen.data.READERS`; recognised by the content of the file where not given.
     **options
-        Of `errorscreen.data.read_csv` for a file and `errorscreen.data.from_frame` otherwise: `base_kv`, `t_start`, …
+        Of `errorscreen.data.read_csv` for a file and `errorscreen.data.from_frame` otherwise: `base_kv`, `t_start`,
+        `phasors`, …
 
     Returns
     -------
@@ -83,6 +85,7 @@ def read(
     (0.8, 1.0)
     """
     reader: Callable[..., Recording]
+    phases = bool({"waveforms", "phasors"} & options.keys())
     if isinstance(source, str | os.PathLike):
         where, form = f"file {source}", format or recognised(Path(source))
         found = READERS.find(form, "read")
@@ -90,14 +93,14 @@ def read(
         reader = partial(read_recording, Path(source), format=form)
         layout = {name: options[name] for name in _LAYOUT & options.keys()}
         headers = found.headers(Path(source), **layout) if found.headers is not None else []
-        guess = found.needs_columns and "waveforms" not in options
+        guess = found.needs_columns and not phases
     else:
         if format is not None:
             raise InputError(
                 f"format is {format!r} but the source is no file", where="read", remedy="Leave format out"
             )
         frame = _frame(source)
-        headers, where, guess = [str(column) for column in frame.columns], "table", True
+        headers, where, guess = headers_of_frame(frame), "table", not phases
         reader = partial(from_frame, frame)
     notes = []
     if columns is None and guess:

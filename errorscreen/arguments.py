@@ -17,8 +17,8 @@ def parser_of(functions: Mapping[str, Callable[..., Any]]) -> argparse.ArgumentP
     Parameters
     ----------
     functions : mapping of str to callable
-        Of the commands ``demo, run, diagnose, init, check, keys`` and of the benchmarks ``speed, paper, discovery``;
-        the parsed options hold one as ``command``.
+        Of the commands ``demo, run, diagnose, init, split, check, keys`` and of the benchmarks ``speed, paper,
+        discovery``; the parsed options hold one as ``command``.
     """
     parser = argparse.ArgumentParser(
         prog="errorscreen",
@@ -65,6 +65,12 @@ def _add_studies(commands: Any, functions: Mapping[str, Callable[..., Any]]) -> 
         "--out", metavar="CASE.toml", help="case file (default: name of FILE here); the picture is CASE.png"
     )
     init.set_defaults(command=functions["init"], default_out=None, interrupted="Start it again.")
+
+    split = commands.add_parser("split", help="a case file for each disturbance of a recording")
+    split.add_argument(
+        "case", metavar="CASE.toml", help="case file; or a recording, for which init writes one first"
+    )
+    split.set_defaults(command=functions["split"], out=None, default_out=None, interrupted="Start it again.")
 
     check = commands.add_parser("check", help="all problems of a case file at once, and the time of its run")
     check.add_argument("case", metavar="CASE.toml", help="case file")

@@ -156,6 +156,18 @@ def _init(options: argparse.Namespace, out: str | None) -> None:
     print(f"Next: {again}errorscreen check {written.case}")
 
 
+def _split(options: argparse.Namespace, out: None) -> None:
+    from errorscreen.workflow.split_case import split_case
+
+    found = split_case(options.case)
+    print(found.summary())
+    for text in found.check:
+        print(f"Check: {text}")
+    if found.cases:
+        print("Written: " + ", ".join(map(str, found.cases)))
+        print(f"Next: errorscreen check {found.cases[0]}")
+
+
 def _check(options: argparse.Namespace, out: None) -> int:
     from errorscreen.workflow.check_case import check_case
 
@@ -333,6 +345,7 @@ _COMMANDS: dict[str, Callable[..., Any]] = {
     "run": _run,
     "diagnose": _diagnose,
     "init": _init,
+    "split": _split,
     "check": _check,
     "keys": _keys,
     "speed": _bench_speed,

@@ -187,7 +187,8 @@ class Case(Section):
         """
         seen: dict[Any, str] = {}
         for where, section in self.recordings.items():
-            window = (Path(section.path), section.t_start, section.t_end, str(section.columns))
+            phases = (str(section.waveforms), str(section.phasors))
+            window = (Path(section.path), section.t_start, section.t_end, str(section.columns), phases)
             if window in seen:
                 raise InputError(
                     f"{section.path!r} is the file of {seen[window]} too",
@@ -310,7 +311,7 @@ def case_reference(section: str | None = None) -> str:
     | key | default | allowed | meaning |
     |---|---|---|---|
     | `step` | `0.0025` | > 0 | longest integration step in s |
-    | `dt` | `none` | > 0 | step in s at which signals are compared; that of the recording if not given |
+    | `dt` | `none` | > 0 | s between compared instants; if not given, that of the recording, or near a quarter period |
     """
     return key_tables(Case, section)
 

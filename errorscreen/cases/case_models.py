@@ -69,6 +69,36 @@ class WaveformsSection(Section):
     current_unit: Literal["A", "kA"] | None = setting(None, "that of the file if not given")
 
 
+#: header of a column with texts such as 230.1+12.3j, or two headers
+_Phasor = str | Annotated[list[str], Field(min_length=2, max_length=2)]
+
+
+class PhasorsSection(Section):
+    """Rms phasors of three phases, or of the positive sequence, from which V, angle, f, P and Q follow."""
+
+    voltage: list[_Phasor] = setting(
+        ...,
+        "three phasors from line to neutral, or that of the positive sequence; each is two headers, or that of a "
+        "column with texts such as `230.1+12.3j` or `230.1@12.5`",
+        min_length=1,
+        max_length=3,
+    )
+    current: list[_Phasor] = setting([], "as many phasors", max_length=3)
+    form: Literal["polar", "rectangular"] = setting(
+        "polar", "the two columns: magnitude and angle, or real and imaginary part"
+    )
+    angle_unit: Literal["deg", "rad"] | None = setting(None, "that of the file if not given")
+    magnitude: Literal["rms", "peak"] = setting("rms", "of all phasors")
+    sign: Literal["generator", "load"] = setting(
+        "generator", "currents are positive out of the plant, or into it"
+    )
+    line_to_line: bool = setting(
+        False, "voltages between phases: ab, bc, ca; or √3 times the positive sequence"
+    )
+    voltage_unit: Literal["V", "kV"] | None = setting(None, "that of the file if not given")
+    current_unit: Literal["A", "kA"] | None = setting(None, "that of the file if not given")
+
+
 class QualitySection(Section):
     """Status of the rows of a file."""
 
@@ -88,6 +118,11 @@ def _listed(found: Any) -> Any:
     return [found] if isinstance(found, dict) else found
 
 
+def _headed(found: Any) -> Any:
+    """A bare header as the table of a column."""
+    return {"column": found} if isinstance(found, str) else found
+
+
 class RecordingSection(Section):
     """A recorded disturbance."""
 
@@ -99,10 +134,11 @@ class RecordingSection(Section):
     base_mva: Positive = setting(..., "base of the device or grid in MVA, which P and Q are converted to")
     base_kv: Positive | None = setting(None, "base voltage in kV, line to line")
     f_nominal: Positive = setting(..., "nominal frequency in Hz")
-    columns: dict[str, ColumnSection] = setting(
-        {}, "source of each channel: V, angle, f, P, Q, or a name of your own"
+    columns: dict[str, Annotated[ColumnSection, BeforeValidator(_headed)]] = setting(
+        {}, "source of each channel: V, angle, f, P, Q, or a name of your own; a header, or a table"
     )
     waveforms: WaveformsSection | None = setting(None, "sampled three-phase voltages and currents")
+    phasors: PhasorsSection | None = setting(None, "rms phasors of a phasor measurement unit")
     time: str | Annotated[list[str], Field(min_length=2, max_length=2)] = setting(
         "time", "header of the time stamps; two headers: whole seconds and fractions, or date and time of day"
     )
@@ -178,7 +214,7 @@ class RecordingSection(Section):
         direct = {"path", "format", "columns", "shift", "step", *EVENTS, "load_level"}
         columns = {role: Column(**dict(section)) for role, section in self.columns.items()}
         options = {key: value for key, value in self if key in self.model_fields_set - direct}
-        for key in options.keys() & {"quality", "waveforms", "long"}:
+        for key in options.keys() & {"quality", "waveforms", "phasors", "long"}:
             options[key] = {k: v for k, v in options[key] if v is not None}
         if self.steps and self.event_time is None:
             options["event_time"] = self.steps[0].time
@@ -192,7 +228,8 @@ class SimulationSection(Section):
 
     step: Positive = setting(0.0025, "longest integration step in s")
     dt: Positive | None = setting(
-        None, "step in s at which signals are compared; that of the recording if not given"
+        None,
+        "s between compared instants; if not given, that of the recording, or near a quarter period",
     )
 
 

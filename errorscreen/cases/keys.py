@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from types import UnionType
-from typing import Any, Union, get_args, get_origin
+from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel
 
@@ -51,7 +51,7 @@ def nested(annotation: Any) -> type[BaseModel] | None:
         return annotation
     if get_origin(annotation) in (list, dict):
         return nested(get_args(annotation)[-1])
-    if get_origin(annotation) in (Union, UnionType):
+    if get_origin(annotation) in (Annotated, Union, UnionType):
         return nested(get_args(annotation)[0])
     return None
 

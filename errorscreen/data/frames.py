@@ -10,7 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen.data.channels import ROLE_UNITS
-from errorscreen.data.no_readings import LARGEST, Quality, as_quality, refuse_marks, without_bad_rows
+from errorscreen.data.no_readings import (
+    LARGEST,
+    Quality,
+    as_quality,
+    check_marks,
+    lost_frames,
+    without_bad_rows,
+)
+from errorscreen.data.pandas_tables import INDEX, table_of_frame
+from errorscreen.data.phase_headers import differing_phase
+from errorscreen.data.phasors import Phasors, as_phases, to_read
 from errorscreen.data.plausibility import doubt
 from errorscreen.data.preparation import in_window
 from errorscreen.data.recordings import Recording
@@ -23,6 +33,7 @@ from errorscreen.data.timestamps import (
     seconds_of,
 )
 from errorscreen.data.units import Bases, Column, as_column, convert, unwrap
+from errorscreen.data.waveforms import Waveforms
 from errorscreen.exceptions import InputError, check_real
 
 if TYPE_CHECKING:
@@ -37,7 +48,7 @@ _LEAST_RANGE = 1e-6
 
 def from_frame(
     frame: pd.DataFrame,
-    columns: Specs,
+    columns: Specs | None,
     *,
     base_mva: float,
     f_nominal: float,
@@ -52,7 +63,8 @@ def from_frame(
     frame : pandas.DataFrame
     columns : mapping of str to Column, str or mapping
         Source of each channel by its name: ``"V"``, ``"angle"``, ``"f"``, ``"P"``, ``"Q"`` or any other name; a
-        `Column`, its fields as a mapping, or just the header.
+        `Column`, its fields as a mapping, or just the header. None where all of them follow from `waveforms` or
+        `phasors`.
     base_mva : float
         Base that P and Q are converted to, in MVA: that of the device.
     f_nominal : float
@@ -63,7 +75,7 @@ def from_frame(
     name : str
         For messages and reports.
     **options
-        Of `build_recording`: `base_kv`, `time_unit`, `event_time` and others.
+        Of `build_recording`: `base_kv`, `time_unit`, `event_time`, `waveforms`, `phasors` and others.
 
     Returns
     -------
@@ -85,14 +97,8 @@ def from_frame(
     (0.8, 1.0)
     """
     source = f"table {name!r}"
-    if not frame.columns.is_unique:
-        twice = frame.columns[frame.columns.duplicated()][0]
-        raise InputError(f"column {twice!r} occurs more than once", where=source, allowed="unique names")
-    header: str | Sequence[str] = "(index)" if time is None else time
-    cells = {str(column): frame[column].to_numpy() for column in frame.columns}
-    if time is None:
-        cells["(index)"] = frame.index.to_numpy()
-    table = Table(cells, range(len(frame)), source, "row")
+    header: str | Sequence[str] = INDEX if time is None else time
+    table = table_of_frame(frame, source, with_index=time is None)
     return build_recording(
         table, columns, base_mva=base_mva, f_nominal=f_nominal, time=header, name=name, **options
     )
@@ -100,7 +106,7 @@ def from_frame(
 
 def build_recording(
     table: Table,
-    columns: Specs,
+    columns: Specs | None,
     *,
     base_mva: float,
     f_nominal: float,
@@ -118,6 +124,8 @@ def build_recording(
     on_duplicate: str = "mean",
     max_missing: float = 0.4,
     event_time: float | str | None = None,
+    waveforms: Waveforms | Mapping[str, Any] | None = None,
+    phasors: Phasors | Mapping[str, Any] | None = None,
     notes: Iterable[str] = (),
     **options: Any,
 ) -> Recording:
@@ -152,6 +160,11 @@ def build_recording(
         Largest part of a channel that may be missing.
     event_time : float or str, optional
         Start of the event, in seconds or as a date; detected where not given.
+    waveforms : Waveforms or mapping, optional
+        Sampled voltages and currents of three phases, from which V, angle, f, P and Q follow. `columns` then holds only
+        further channels, and other units, signs or bases of what follows.
+    phasors : Phasors or mapping, optional
+        The same from rms phasors.
     notes : iterable of str
         Assumptions to begin with.
     **options
@@ -168,7 +181,8 @@ def build_recording(
             check_real(value, name, low=0, above=True, where=source)
     check_real(max_missing, "max_missing", low=0, high=1, where=source)
     bases = Bases(base_mva, base_kv, f_nominal)
-    specs = _specs(columns, source)
+    phases = as_phases(waveforms, phasors, source)
+    specs = _specs({**(phases.columns if phases is not None else {}), **(columns or {})}, source)
     form = format_of_time(time, time_unit, time_format, time_base, source)
     if not len(table.rows):
         raise InputError("there are no samples", where=source, allowed="at least two rows of numbers")
@@ -177,10 +191,9 @@ def build_recording(
         seconds_of(value, name, form, first, source)
         for name, value in (("t_start", t_start), ("t_end", t_end), ("event_time", event_time))
     )
-    headers = dict.fromkeys(h for spec in specs.values() for h in spec.headers)
-    numbers = {h: table.numbers(h, missing=missing, decimal=decimal) for h in headers}
-    numbers = without_bad_rows(numbers, table, as_quality(quality, source), notes)
-    refuse_marks(numbers, table)
+    headers, numbers = _numbers(table, specs, phases, missing, decimal, as_quality(quality, source), notes)
+    if phases is not None:
+        stamps, numbers = phases.derive(table, stamps, numbers, headers, f_nominal, notes)
     stamps, numbers = order_samples(stamps, numbers, table, form.header, on_backward, notes)
     if "angle" in specs and specs["angle"].column is not None:  # before a mean could be taken across a jump
         header = specs["angle"].headers[0]
@@ -220,6 +233,28 @@ def build_recording(
         assumptions=notes,
         **options,
     )
+
+
+def _numbers(
+    table: Table,
+    specs: Mapping[str, Column],
+    phases: Waveforms | Phasors | None,
+    missing: Iterable[str | float],
+    decimal: str,
+    quality: Quality | None,
+    notes: list[str],
+) -> tuple[list[str], Values]:
+    """Headers of channels that the file has, and the numbers of these and of the three phases; notes get doubts."""
+    headers = to_read(phases, (h for spec in specs.values() for h in spec.headers), table.columns)
+    numbers = {h: table.numbers(h, missing=missing, decimal=decimal) for h in headers}
+    if phases is not None:
+        numbers |= phases.read(table, missing, decimal)
+    numbers = without_bad_rows(numbers, table, quality, notes)
+    notes += check_marks(numbers, table)
+    if "V" in specs and specs["V"].column in headers:
+        told = differing_phase(table, specs["V"].headers[0], numbers[specs["V"].headers[0]], missing, decimal)
+        notes += [] if told is None else [doubt(told, table.source)]
+    return headers, numbers
 
 
 def _specs(columns: Specs, source: str) -> dict[str, Column]:
@@ -316,7 +351,9 @@ def _unwrapped(angle: _Array, spec: Column, notes: list[str], where: str) -> _Ar
 def _note_spacing(time: _Array, notes: list[str]) -> None:
     steps = np.diff(time)
     usual = float(np.median(steps))
-    if steps.max() > 1.1 * usual or steps.min() < 0.9 * usual:
+    if lost := lost_frames(time):
+        notes.append(lost)
+    elif steps.max() > 1.1 * usual or steps.min() < 0.9 * usual:
         notes.append(
             f"Samples are {steps.min():.3g} to {steps.max():.3g} s apart (median {usual:.3g} s); between them "
             "signals were interpolated linearly."

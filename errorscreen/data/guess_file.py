@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,6 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen._runtime.display import listed
+from errorscreen.data.guess_numbers import guess_by_numbers
+from errorscreen.data.guess_phasors import guess_phasors
+from errorscreen.data.guess_tables import OPENERS, Opened
 from errorscreen.data.guesses import (
     ChannelGuess,
     Guess,
@@ -21,24 +22,16 @@ from errorscreen.data.guesses import (
     guess_channels,
     guess_frequency,
     guess_level,
-    guess_stamps,
     guess_waveforms,
 )
-from errorscreen.data.headers import known_unit
 from errorscreen.data.readers import recognised
 from errorscreen.data.readers.comtrade import read_comtrade_table
-from errorscreen.data.readers.csv import read_headers, read_table
-from errorscreen.data.readers.head import COMMENTS, DELIMITERS, WHITESPACE, Layout, is_number
-from errorscreen.data.readers.text import decoded
 from errorscreen.data.table import Table
-from errorscreen.data.timestamps import format_of_time, read_time
 from errorscreen.data.units import KA, KV, MVA
 from errorscreen.data.waveforms import Waveforms, trios
 from errorscreen.exceptions import InputError
 
 _Array = NDArray[np.float64]
-#: lines that the layout is guessed from
-_LINES = 200
 
 
 @dataclass
@@ -73,13 +66,13 @@ def guess_file(path: Path) -> FileGuess:
     kind = recognised(path)
     if kind == "comtrade":
         found = _of_record(path)
-    elif kind == "csv":
-        found = _of_text(path)
+    elif kind in OPENERS:
+        found = _of_table(OPENERS[kind](path))
     else:
         raise InputError(
             f"is of the format {kind}, whose channels are not guessed yet",
             where=f"file {path}",
-            allowed="text of columns, and COMTRADE",
+            allowed=f"comtrade, {', '.join(OPENERS)}",
             remedy="Write the case file yourself: errorscreen keys recording tells its keys",
         )
     found.keys = {"format": Guess(kind, "by the content of the file"), **found.keys}
@@ -106,24 +99,13 @@ def _of_record(path: Path) -> FileGuess:
     return FileGuess(keys, channels, open=[*notes[1:], *left])
 
 
-def _of_text(path: Path) -> FileGuess:
-    keys = _layout(path)
-    layout = Layout(**{key: guess.value for key, guess in keys.items()})
-    names = read_headers(path, layout)
-    once = [name for name in names if name and names.count(name) == 1]
-    table = read_table(path, layout, once)
-    keys |= guess_stamps(table, once, layout.decimal)
-    header = keys["time"].value
-    stamps = {header} if isinstance(header, str) else {*header}
-    given = {key: keys[key].value for key in ("time_unit", "time_format", "time_base") if key in keys}
-    form = format_of_time(
-        header, given.get("time_unit", "s"), given.get("time_format"), given.get("time_base"), table.source
-    )
-    time, _ = read_time(table, form, [], layout.decimal)
+def _of_table(found: Opened) -> FileGuess:
+    table, keys, decimal = found.table, found.keys, found.decimal
+    time, stamps = found.time()
     steps = np.diff(time)
     step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
-    rest = [name for name in once if name not in stamps]
-    waves, assumed = guess_waveforms(table, rest, step, layout.decimal)
+    rest = [name for name in found.names if name not in stamps]
+    waves, assumed = guess_waveforms(table, rest, step, decimal)
     if waves:
         try:
             spec = trios(waves, table.source)
@@ -132,36 +114,34 @@ def _of_text(path: Path) -> FileGuess:
         if spec is not None:
             units = {name: unit for name, _, unit in waves}
             table = Table(
-                {name: table.numbers(name, decimal=layout.decimal) for name in units},
+                {name: table.numbers(name, decimal=decimal) for name in units},
                 table.rows,
                 table.source,
                 units=units,
             )
-            found = _of_waves(table, time, spec, guess_frequency({}, None, step), "by size" * assumed)
-            found.keys = keys | found.keys
-            return found
-    keys |= _quality(path, layout, rest)
-    channels, left = guess_channels(table, rest, layout.decimal, None)
+            guessed = _of_waves(table, time, spec, guess_frequency({}, None, step), "by size" * assumed)
+            guessed.keys = keys | guessed.keys
+            return guessed
+    guess = guess_by_numbers if "header" in keys else guess_channels
+    channels, left = guess(table, rest, decimal, None)
+    left += found.open
+    f_nominal = guess_frequency(channels, None, step)
+    try:
+        phasors = guess_phasors(table, rest, time, f_nominal.value, decimal)
+    except InputError as error:
+        phasors = None
+        left.append(f"Phasors were not used: {error}")
+    if phasors is not None:
+        beside = {"f"} if phasors.power else {"f", "P", "Q"}
+        channels = {
+            role: one
+            for role, one in channels.items()
+            if role in beside and one.fields["column"] not in phasors.headers
+        }
+        return FileGuess({**keys, **_bases(channels, f_nominal), **phasors.keys}, channels, open=left)
     if not channels:
         left.append(f"No column is recognised as V, angle, f, P or Q among {listed(map(repr, rest))}.")
-    twice = sorted({name for name in names if name and names.count(name) > 1})
-    left += [f"Column {name!r} occurs several times and was left out." for name in twice]
-    return FileGuess({**keys, **_bases(channels, guess_frequency(channels, None, step))}, channels, open=left)
-
-
-def _quality(path: Path, layout: Layout, names: Sequence[str]) -> dict[str, Guess]:
-    """Key ``quality`` where a column with the status of each row says different things."""
-    for name in names:
-        if re.search(r"(^|\W)(stat|status|quality|flags?|valid)($|\W)", name, re.IGNORECASE):
-            kinds = Counter(map(str, read_table(path, layout, [name], [name]).column(name)))
-            usual, count = kinds.most_common(1)[0]
-            if len(kinds) > 1 and 2 * count > kinds.total() and usual:
-                others = listed(map(repr, sorted(kinds.keys() - {usual})))
-                reason = (
-                    f"most rows hold {usual!r}, {kinds.total() - count} rows hold {others} and become gaps"
-                )
-                return {"quality": Guess({"column": name, "good": [usual]}, reason, check=True)}
-    return {}
+    return FileGuess({**keys, **_bases(channels, f_nominal)}, channels, open=left)
 
 
 def _of_waves(table: Table, time: _Array, spec: Waveforms, f_nominal: Guess, unit_reason: str) -> FileGuess:
@@ -229,72 +209,3 @@ def _bases(channels: dict[str, ChannelGuess], f_nominal: Guess) -> dict[str, Gue
 
 def _with(channel: ChannelGuess, fields: Mapping[str, Any], why: str) -> ChannelGuess:
     return ChannelGuess({**channel.fields, **fields}, f"{channel.reason}; {why}", channel.numbers, check=True)
-
-
-def _layout(path: Path) -> dict[str, Guess]:
-    """Keys of `Layout` that differ from the defaults."""
-    keys: dict[str, Guess] = {}
-    try:
-        text = decoded(path, "utf-8-sig")
-    except InputError as error:
-        if not error.what.endswith("text"):
-            raise
-        text = decoded(path, "latin-1")
-        keys["encoding"] = Guess("latin-1", "the file is not UTF-8")
-    lines = text[: text.find("\0")].splitlines() if "\0" in text else _first_lines(text)
-    told = [k for k, one in enumerate(lines) if one.strip() and not one.lstrip().startswith(COMMENTS)]
-    rows = [k for k in told if not re.fullmatch(r"sep=.\s*", lines[k], re.IGNORECASE)]
-    tail = [lines[k] for k in rows[len(rows) // 2 :]]
-    if not tail:
-        return keys
-    delimiter = _delimiter(tail)
-    cells = {k: _cells(lines[k], delimiter) for k in rows}
-    of_tail = [cell for one in tail for cell in _cells(one, delimiter)]
-    decimal = "."
-    if delimiter != "," and any(re.fullmatch(r"[+-]?\d*,\d+([eE][+-]?\d+)?", cell) for cell in of_tail):
-        decimal = ","
-        keys["decimal"] = Guess(",", "as the numbers in the file have it")
-    width = len(_cells(tail[-1], delimiter))
-    begin = next((k for k in rows if len(cells[k]) == width), rows[0])
-    numeric = [any(is_number(cell, decimal) for cell in cells[k]) for k in rows if k >= begin]
-    n_heads = numeric.index(True) if True in numeric else len(numeric)
-    if begin != rows[0]:
-        keys["skip_rows"] = Guess(begin, "lines above the table")
-    heads = [k for k in rows if k >= begin][:n_heads]
-    if len(heads) > 1 and all(known_unit("", cell) for cell in cells[heads[-1]] if cell):
-        heads = heads[:-1]  # a row of units, which the reader knows
-    if len(heads) > 1:
-        keys["header_rows"] = Guess(len(heads), "rows of texts above the numbers")
-    above = [lines[k] for k in range(begin) if lines[k].lstrip().startswith(COMMENTS)]
-    named = bool(above) and len(_cells(above[-1].lstrip("#!/ "), delimiter)) == width > 1
-    if not heads and not named:
-        names = ["time", *(f"column {k}" for k in range(2, width + 1))]
-        keys["header"] = Guess(
-            names, "the file has no headers; replace them by what the columns hold", check=True
-        )
-    if delimiter == WHITESPACE:
-        keys["delimiter"] = Guess(WHITESPACE, "fields are separated by blanks")
-    return keys
-
-
-def _first_lines(text: str) -> list[str]:
-    end = 0
-    for _ in range(_LINES):
-        end = text.find("\n", end) + 1
-        if not end:
-            return text.splitlines()
-    return text[:end].splitlines()
-
-
-def _delimiter(lines: Sequence[str]) -> str:
-    """Delimiter that gives all lines equal numbers of fields; the comma last, because it may be a decimal mark."""
-    for one in (";", "\t", "|", ","):
-        counts = {line.count(one) for line in lines}
-        if len(counts) == 1 and counts != {0}:
-            return one
-    return max(DELIMITERS, key=lines[-1].count) if any(d in lines[-1] for d in DELIMITERS) else WHITESPACE
-
-
-def _cells(line: str, delimiter: str) -> list[str]:
-    parts = line.split() if delimiter == WHITESPACE else line.split(delimiter)
-    return [cell.strip().strip('"') for cell in parts]

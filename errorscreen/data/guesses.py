@@ -11,10 +11,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from errorscreen.data.dates import fitting_formats, parse_dates
 from errorscreen.data.headers import known_unit, role_and_unit
 from errorscreen.data.plausibility import PLAUSIBLE_V
 from errorscreen.data.table import Table
-from errorscreen.data.timestamps import SECONDS, TIME_UNITS, fitting_formats, parse_dates, units_of_step
+from errorscreen.data.timestamps import SECONDS, TIME_UNITS, units_of_step
 from errorscreen.data.units import UNITS
 from errorscreen.exceptions import InputError
 
@@ -32,12 +33,12 @@ LEVELS = (
 _NEAR, _NEAR_NEUTRAL = 0.07, 0.03
 #: words in headers that stand for a channel; the angle comes first, because "voltage angle" is one
 _WORDS = {
-    "angle": {"ang", "angle", "phi", "phiu", "phiu1", "theta"},
+    "angle": {"ang", "angle", "phi", "phiu", "phiu1", "theta", "uphase"},
     "f": {"f", "freq", "frequency", "fehz", "hz"},
-    "P": {"p", "pg", "pgen", "pelec", "psum", "mw", "active"},
-    "Q": {"q", "qg", "qgen", "qelec", "qsum", "mvar", "reactive"},
+    "P": {"p", "pg", "pgen", "pelec", "psum", "pgenpu", "mw", "active"},
+    "Q": {"q", "qg", "qgen", "qelec", "qsum", "qgenpu", "mvar", "reactive"},
     "V": {
-        "v", "u", "u1", "v1", "vt", "ut", "vm", "um", "vmag", "umag", "volt", "voltage", "vterm", "eterm", "kv",
+        "v", "u", "u1", "v1", "vt", "ut", "vm", "um", "upu", "vmag", "umag", "volt", "voltage", "vterm", "eterm", "kv",
     },
 }  # fmt: skip
 #: units that only one channel has

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from errorscreen.data.plausibility import doubt
 from errorscreen.data.table import Table
 from errorscreen.exceptions import InputError, unknown_name
 
@@ -18,6 +19,10 @@ _Array = NDArray[np.float64]
 LARGEST = 1e12
 #: a number far beyond the others lies so many times their whole range from them
 _FAR = 10.0
+#: relative distance of steps from a whole number of usual ones in a regular grid, and how many may be longer
+_EVEN, _FEW = 0.1, 0.1
+#: gaps of the grid that are told one by one
+_TOLD = 5
 
 
 @dataclass(frozen=True)
@@ -85,33 +90,49 @@ def _matches(cells: pd.Series, texts: Iterable[str]) -> NDArray[np.bool_]:
     return (found | numbers.isin(wanted)).to_numpy(dtype=bool)
 
 
-def refuse_marks(values: Mapping[str, _Array], table: Table) -> None:
+def check_marks(values: Mapping[str, _Array], table: Table) -> list[str]:
     """Refuse numbers that mark a gap, such as -9999: they agree exactly, and lie far beyond the others.
+
+    Returns
+    -------
+    list of str
+        Doubts about other numbers that do so.
 
     Raises
     ------
     InputError
         With the number, so that it can be added to `missing`.
     """
+    doubts: list[str] = []
     for header, column in values.items():
         known = column[np.abs(column) <= LARGEST]
         if not len(known):
             continue
         for end in (float(known.min()), float(known.max())):
             others = known[known != end]
-            if not _marks_gap(end) or len(others) < 0.5 * len(known):
+            if len(others) < 0.5 * len(known) or not (_marks_gap(end) or len(known) - len(others) > 1):
                 continue
             middle, size = float(np.median(others)), float(np.max(others) - np.min(others))
             if abs(end - middle) <= _FAR * max(size, abs(middle)):
                 continue
             rows = np.flatnonzero(column == end)
-            raise InputError(
+            problem = (
                 f"{len(rows)} readings are exactly {end:.9g}, far beyond the others, {others.min():.6g} to "
-                f"{others.max():.6g}: a mark of a gap?",
-                where=table.place(int(rows[0]), header),
-                allowed="readings, or marks of gaps that are stated",
-                remedy=f"Give missing = ['{end:.9g}'], or correct the cells",
+                f"{others.max():.6g}: a mark of a gap?"
             )
+            where, remedy = table.place(int(rows[0]), header), f"Give missing = ['{end:.9g}']"
+            if not _marks_gap(end):
+                if abs(middle) < size or not size:  # a signal about zero may well stand still far from it
+                    continue
+                doubts.append(doubt(f"{problem} {remedy}.", where))
+                continue
+            raise InputError(
+                problem,
+                where=where,
+                allowed="readings, or marks of gaps that are stated",
+                remedy=f"{remedy}, or correct the cells",
+            )
+    return doubts
 
 
 def _marks_gap(value: float) -> bool:
@@ -119,3 +140,26 @@ def _marks_gap(value: float) -> bool:
     size = abs(value)
     digits = f"{size:.9g}".replace(".", "").strip("0")
     return (size >= 99 and set(digits) == {"9"}) or size in (2.0**15, 2.0**15 - 1, 2.0**31, 2.0**31 - 1)
+
+
+def lost_frames(time: _Array) -> str | None:
+    """Sentence on the samples that a regular grid lacks; None for a grid that lacks none, or is none.
+
+    Examples
+    --------
+    >>> lost_frames(np.array([0.0, 0.02, 0.04, 0.10, 0.12, 0.14, 0.16, 0.18, 0.20, 0.22, 0.24, 0.26]))
+    '2 samples are missing in a grid of 0.02 s, in 1 place: 2 after 0.04 s.'
+    """
+    steps = np.diff(time)
+    usual = float(np.median(steps))
+    counted = np.round(steps / usual)
+    longer = np.flatnonzero(counted > 1)
+    if not len(longer) or len(longer) > _FEW * len(steps) or (np.abs(steps / usual - counted) > _EVEN).any():
+        return None
+    lost = counted[longer] - 1
+    places = [f"{n:.0f} after {time[k]:g} s" for n, k in zip(lost[:_TOLD], longer[:_TOLD], strict=True)]
+    more = f" and {len(longer) - _TOLD} more" if len(longer) > _TOLD else ""
+    return (
+        f"{lost.sum():.0f} samples are missing in a grid of {usual:.3g} s, in {len(longer)} "
+        f"place{'s' * (len(longer) > 1)}: {', '.join(places)}{more}."
+    )

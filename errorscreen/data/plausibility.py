@@ -24,6 +24,8 @@ _Array = NDArray[np.float64]
 PLAUSIBLE_V = (0.5, 1.5)
 #: relative distance of a voltage before the event from 1 pu times a factor
 _NEAR = 0.06
+#: part of the level by which a magnitude may be below zero
+_NEGATIVE = 0.01
 #: samples in a nominal period: what recordings of plants have
 _SAMPLING = (1e-3, 100.0)
 #: relative distance of the frequency before the event from the nominal one
@@ -90,6 +92,8 @@ def warn_implausible(
     doubts = [*_sampling(time, f_nominal), *_lost_frames(time, values)]
     if "V" in initial:
         doubts += _voltage(initial["V"])
+    if "V" in values:
+        doubts += _negative(time, values["V"])
     if "f" in initial:
         doubts += _frequency(initial["f"], f_nominal)
     notes: list[str] = []
@@ -137,6 +141,17 @@ def _voltage(V: float) -> Iterator[str]:
             return
     if not PLAUSIBLE_V[0] <= V <= PLAUSIBLE_V[1]:
         yield f"V before the event is {V:.3g} pu: check its unit and base_kv."
+
+
+def _negative(time: _Array, V: _Array) -> Iterator[str]:
+    """A magnitude below zero by more than the accuracy of an instrument."""
+    level = float(np.nanmedian(np.abs(V)))
+    below = np.less(V, -_NEGATIVE * level)
+    if below.any() and not (below | np.isnan(V)).all():
+        yield (
+            f"V is negative in {int(below.sum())} readings, the first at {time[np.argmax(below)]:g} s: a magnitude is "
+            "not. Is it a part of a phasor, or a wave?"
+        )
 
 
 def _frequency(f: float, f_nominal: float) -> Iterator[str]:

@@ -12,6 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from errorscreen._runtime.display import listed
+from errorscreen.data.complex_texts import is_complex
 from errorscreen.exceptions import InputError, unknown_name
 
 #: Texts that mark a gap, in any case.
@@ -49,6 +50,11 @@ MISSING = (
         "1.#qnan",
         "-1.#ind",
     ),
+)
+#: what to do with a column of complex numbers
+_AS_PHASORS = (
+    "Give phasors = { voltage = [...], current = [...] } instead of columns, with all three phases or the positive "
+    "sequence; or split it into two columns, which V takes as real and imag"
 )
 
 
@@ -92,7 +98,7 @@ class Table:
                 "the column holds complex numbers",
                 where=f"{self.source}, column {header!r}",
                 allowed="real numbers",
-                remedy="Split it into two columns; V takes them as real and imag",
+                remedy=_AS_PHASORS,
             )
         if pd.api.types.is_numeric_dtype(cells):
             numbers = cells.to_numpy(dtype=float, na_value=np.nan)
@@ -112,8 +118,10 @@ class Table:
             remedy = remedy or "Correct the cells, or add their texts to missing if they mark gaps"
             if re.fullmatch(r"[+-]?\d+,\d+([eE][+-]?\d+)?", found):
                 remedy = "Give decimal=',' for numbers with a decimal comma"
+            if is_complex(found):
+                remedy = _AS_PHASORS
             raise InputError(
-                f"{found!r} is not a number{more}",
+                f"{found!r} is {'a phasor' if is_complex(found) else 'not a number'}{more}",
                 where=self.place(int(wrong[0]), header),
                 allowed="numbers with a decimal point, or a usual mark of a gap such as an empty cell, NaN or 'bad'",
                 remedy=remedy,

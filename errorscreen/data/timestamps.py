@@ -5,13 +5,14 @@ from __future__ import annotations
 import warnings
 from bisect import bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass
-from datetime import datetime
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from errorscreen.data.dates import ISO, check_pattern, no_date, one_date, parse_dates
 from errorscreen.data.table import Table
 from errorscreen.exceptions import DataWarning, InputError, unknown_name
 
@@ -33,23 +34,8 @@ _STEP = 1e-6
 #: Seconds, 3000 years. Later stamps have another unit, and too few digits for fractions of a second.
 _LATEST = 1e11
 _DAY = 86400.0
-_ISO = "ISO 8601, for example 2024-05-01T12:00:00.25Z"
-#: Usual formats of dates, which are proposed and never guessed: day and month may be in either order.
-_FORMATS = tuple(
-    f"{date} {time}"
-    for date in (
-        "%Y-%m-%d",
-        "%Y/%m/%d",
-        "%d.%m.%Y",
-        "%d/%m/%Y",
-        "%m/%d/%Y",
-        "%d-%b-%Y",
-        "%d-%m-%Y",
-        "%m-%d-%Y",
-    )
-    for time in ("%H:%M:%S.%f", "%H:%M:%S:%f", "%H:%M:%S,%f", "%H:%M:%S", "%I:%M:%S.%f %p", "%I:%M:%S %p")
-)
-_TIMES_OF_DAY = ("%H:%M:%S.%f", "%H:%M:%S:%f", "%H:%M:%S")
+#: s that clocks are put back by in autumn
+_CLOCK = 3600.0
 
 _Array = NDArray[np.float64]
 Values = dict[str, _Array]
@@ -111,6 +97,8 @@ def format_of_time(
             allowed="a positive number, for two columns of numbers: whole seconds, and fractions",
             remedy='Give time = ["SOC", "FRACSEC"] with it, or leave it out',
         )
+    if pattern is not None:
+        check_pattern(pattern, source)
     return TimeFormat(headers, unit, pattern, base)
 
 
@@ -118,8 +106,19 @@ def read_time(
     table: Table, form: TimeFormat, notes: list[str], decimal: str
 ) -> tuple[_Array, pd.Timestamp | None]:
     """Time stamps in seconds, and the date of time 0 where they are dates; these count from the first one."""
-    if form.of_texts:
+    kind = _kind(table, form)
+    if (kind == "M" and form.unit not in ("s", "iso")) or (kind == "m" and form.unit != "s"):
+        raise InputError(
+            f"time_unit is {form.unit!r}, but the column holds {'dates' if kind == 'M' else 'durations'}",
+            where=f"{table.source}, column {form.header!r}",
+            allowed="no time_unit",
+            remedy="Leave it out",
+        )
+    if form.of_texts or kind == "M":
         return _read_texts(table, form, notes)
+    if kind == "m":
+        seconds = _series(table.column(form.header)).dt.total_seconds().to_numpy(dtype=np.float64)
+        table = replace(table, columns={form.header: seconds})
     remedy = "Give time_unit='iso' or time_format for dates, or correct the cell"
     numbers = [table.numbers(header, decimal=decimal, remedy=remedy) for header in form.headers]
     for header, values in zip(form.headers, numbers, strict=True):
@@ -152,11 +151,11 @@ def read_time(
 
 
 def _read_texts(table: Table, form: TimeFormat, notes: list[str]) -> tuple[_Array, pd.Timestamp]:
-    columns = [pd.Series(list(table.column(header))) for header in form.headers]
+    columns = [_series(table.column(header)) for header in form.headers]
     for header, cells in zip(form.headers, columns, strict=True):
         if pd.api.types.is_numeric_dtype(cells):
             problem, remedy = "numbers were found instead of dates", "Give time_unit='s' or 'ms' for numbers"
-            raise InputError(problem, where=table.place(0, header), allowed=_ISO, remedy=remedy)
+            raise InputError(problem, where=table.place(0, header), allowed=ISO, remedy=remedy)
     texts = columns[0]
     if not pd.api.types.is_datetime64_any_dtype(texts):
         texts = texts.astype("string").fillna("").str.strip()
@@ -166,25 +165,35 @@ def _read_texts(table: Table, form: TimeFormat, notes: list[str]) -> tuple[_Arra
     wrong = np.flatnonzero(stamps.isna())
     if len(wrong):
         row = int(wrong[0])
-        found = str(texts[row])
-        fitting = ", ".join(map(repr, fitting_formats(found)))
-        raise InputError(
-            f"{found!r} is no time stamp",
-            where=table.place(row, form.header),
-            allowed=_ISO if form.pattern is None else f"the format {form.pattern!r}",
-            remedy=f"Give time_format, of these the right one: {fitting}" if fitting else None,
-        )
-    first = stamps[0] if form.of_day else stamps.min()
+        raise no_date(str(texts[row]), form.pattern, table.place(row, form.header))
+    start = 0 if form.of_day else int(stamps.to_numpy().argmin())
+    first = stamps[start]
     seconds = (stamps - first).dt.total_seconds().to_numpy(dtype=np.float64)
+    if not pd.api.types.is_datetime64_any_dtype(texts):  # where offsets differ, that of the first one
+        first = one_date(str(texts[start]), form.pattern) or first
     if form.of_day:  # a jump back by more than half a day is midnight
         seconds = seconds + _DAY * np.cumsum(np.diff(seconds, prepend=seconds[0]) < -0.5 * _DAY)
     notes.append(f"Time 0 is {texts[0] if form.of_day else first.isoformat()}.")
+    if first.tzinfo is None and len(seconds) > 2 and np.diff(seconds).min() >= 0:
+        steps = np.diff(seconds)
+        ahead = np.flatnonzero(np.abs(steps - np.median(steps) - _CLOCK) < 1.5 * np.median(steps))
+        if len(ahead) == 1:
+            notes.append(
+                f"After {texts[ahead[0]]} the stamps jump ahead by one hour, and they state no offset from UTC: if "
+                "clocks were changed there, the gap is none."
+            )
     return seconds, first
 
 
-def fitting_formats(text: str) -> list[str]:
-    """Usual formats, with the codes of `datetime.strptime`, that a time stamp may be written in."""
-    return [one for one in (*_FORMATS, *_TIMES_OF_DAY) if _fits(text, one)]
+def _series(cells: Any) -> pd.Series:
+    """Cells as they are where they have a type, else texts or what else they hold."""
+    return pd.Series(cells if isinstance(cells, pd.Series | np.ndarray) else list(cells))
+
+
+def _kind(table: Table, form: TimeFormat) -> str:
+    """``"M"`` of a column whose type is that of dates, ``"m"`` of durations."""
+    dtype = getattr(table.columns.get(form.header), "dtype", None) if len(form.headers) == 1 else None
+    return str(getattr(dtype, "kind", ""))
 
 
 def units_of_step(step: float) -> list[str]:
@@ -196,25 +205,6 @@ def units_of_step(step: float) -> list[str]:
     ['ms']
     """
     return [unit for unit, seconds in SECONDS.items() if USUAL_STEP[0] <= seconds * step <= USUAL_STEP[1]]
-
-
-def parse_dates(texts: pd.Series, pattern: str | None) -> pd.Series:
-    """Dates from texts by a pattern or as ISO 8601 allows, also with a decimal comma and ``UTC``; NaT where wrong."""
-    if pattern is not None:
-        return pd.to_datetime(texts, format=pattern, utc=True, errors="coerce")
-    if pd.api.types.is_datetime64_any_dtype(texts):
-        return pd.to_datetime(texts, utc=True)
-    plain = texts.astype("string").str.replace(r"\s*(UTC|GMT)$", "Z", regex=True)
-    plain = plain.str.replace(r"(:\d\d),(\d)", r"\1.\2", regex=True)
-    return pd.to_datetime(plain, format="ISO8601", utc=True, errors="coerce")
-
-
-def _fits(text: str, pattern: str) -> bool:
-    try:
-        datetime.strptime(text, pattern)
-    except ValueError:
-        return False
-    return True
 
 
 def seconds_of(
@@ -230,12 +220,22 @@ def seconds_of(
             allowed="seconds, or a date where time stamps are dates",
             remedy="Give seconds",
         )
-    found = parse_dates(pd.Series([value.strip()]), form.pattern)[0]
-    if pd.isna(found):
+    found = one_date(value, form.pattern)
+    if found is None:
         raise InputError(
             f"{name} is {value!r}, which is no time stamp",
             where=source,
-            allowed=f"seconds, or {_ISO if form.pattern is None else f'the format {form.pattern!r}'}",
+            allowed=f"seconds, or {ISO if form.pattern is None else f'the format {form.pattern!r}'}",
+        )
+    if found.tzinfo is None and first.tzinfo is not None and not first.utcoffset():
+        found = found.tz_localize("UTC")
+    if (found.tzinfo is None) != (first.tzinfo is None):
+        have = "no" if first.tzinfo is None else "an"
+        raise InputError(
+            f"{name} is {value!r}, and the time stamps have {have} offset from UTC",
+            where=source,
+            allowed="an instant written as the time stamps are, or seconds",
+            remedy=f"Write it as {first.isoformat()}",
         )
     seconds = float((found - first).total_seconds())
     return seconds + _DAY if form.of_day and seconds < 0 else seconds
@@ -253,6 +253,14 @@ def order_samples(
         raise unknown_name(str(on_backward), ON_BACKWARD, kind="value of on_backward", where=table.source)
     back = np.flatnonzero(np.diff(time) < 0) + 1
     if len(back):
+        if on_backward != "drop" and _put_back(time, back):
+            raise InputError(
+                f"time runs back by one hour, from {time[back[0] - 1]:.9g} to {time[back[0]]:.9g} s, as where clocks "
+                "are put back",
+                where=table.place(int(back[0]), header),
+                allowed="increasing time stamps",
+                remedy="Export the time stamps in UTC or with offsets such as +01:00, or cut the file there",
+            )
         if on_backward == "error":
             raise InputError(
                 f"time runs backwards {len(back)} times, first from {time[back[0] - 1]:.9g} to "
@@ -267,6 +275,13 @@ def order_samples(
         notes.append(f"Time ran backwards {len(back)} times; {repair}.")
         time, values = time[keep], {name: v[keep] for name, v in values.items()}
     return time, values
+
+
+def _put_back(time: _Array, back: NDArray[np.int64]) -> bool:
+    """Whether the only jump back is by one hour, less the usual step: sorted, two hours would be mixed."""
+    steps = np.diff(time)
+    usual = float(np.median(steps))
+    return len(back) == 1 and abs(steps[back[0] - 1] - usual + _CLOCK) < 1.5 * usual
 
 
 def longest_increasing(time: _Array) -> NDArray[np.int64]:

@@ -10,12 +10,7 @@ The windows, of one nominal period T:
 - ``"P"``: a triangle over 2T, the filter of class P of IEEE Std C37.118.1-2011, annex C;
 - ``"M"``: a sinc with Hamming window over 8T, cut-off at 0.14/T, after class M of the same annex.
 
-The positive sequence, with :math:`a = e^{j 2\pi/3}`, of phases or of the voltages between them:
-
-.. math::
-
-    V_1 &= \tfrac13 (V_a + a V_b + a^2 V_c) = \tfrac{1}{3\sqrt3} e^{-j\pi/6} (V_{ab} + a V_{bc} + a^2 V_{ca})   & (2)\\
-    P + jQ &= 3\, V_1 I_1^*                                                                              & (3)
+The positive sequence and the powers follow by the equations of `errorscreen.data.sequences`.
 
 At the frequency f the window passes the part :math:`G(f - f_n)` of (1), its Fourier transform; V and I are divided by
 it. The integral is that of a cubic spline, so that neither rate nor distance of the samples matters.
@@ -24,34 +19,36 @@ it. The integral is that of a cubic spline, so that neither rate nor distance of
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from errorscreen.data.frames import Specs, build_recording
-from errorscreen.data.plausibility import doubt
-from errorscreen.data.recordings import Recording
+from errorscreen.data.sequences import (
+    Phasor,
+    check_voltages,
+    doubt_currents,
+    factor,
+    magnitudes,
+    own_columns,
+    power,
+    sequences,
+    spec_of,
+)
 from errorscreen.data.table import Table
-from errorscreen.data.units import KA, KV, Column, unwrap
+from errorscreen.data.units import Column, unwrap
 from errorscreen.exceptions import InputError, unknown_name
 
 _Array = NDArray[np.float64]
-_Phasor = NDArray[np.complex128]
 METHODS = ("cycle", "P", "M")
 #: least number of samples in a nominal period
 _LEAST_SAMPLES = 6
 #: half length of the window of class M in periods, and its cut-off in multiples of 1/T
 _M_HALF, _M_CUTOFF = 4.0, 0.14
-_TURN = np.exp(2j * np.pi / 3)
-#: channels that follow from waveforms, with their units
-_OWN = {"V": "kV", "angle": "rad", "f": "Hz", "P": "MW", "Q": "Mvar"}
 #: Hz; more is a jump of the angle, not a frequency
 _MOST_OFF = 5.0
-#: a negative sequence of this part of the positive one before an event is no usual unbalance
-_UNBALANCED = 0.5
 
 
 @dataclass(frozen=True)
@@ -82,23 +79,57 @@ class Waveforms:
     voltage_unit: str | None = None
     current_unit: str | None = None
 
+    @property
+    def headers(self) -> tuple[str, ...]:
+        """Headers of the columns that are read."""
+        return (*self.voltage, *self.current)
+
+    @property
+    def columns(self) -> dict[str, Column]:
+        """Sources of the channels that follow."""
+        return own_columns(("V", "angle", "f", *("PQ" if self.current else "")))
+
+    @property
+    def follow(self) -> tuple[str, ...]:
+        """Names of all columns that follow."""
+        return (*self.columns, "V2", "V0")
+
+    def read(
+        self, table: Table, missing: Iterable[str | float] = (), decimal: str = "."
+    ) -> dict[str, _Array]:
+        """Numbers of the columns."""
+        return {h: table.numbers(h, missing=missing, decimal=decimal) for h in self.headers}
+
+    def derive(
+        self,
+        table: Table,
+        time: _Array,
+        numbers: Mapping[str, _Array],
+        further: Iterable[str],
+        f_nominal: float,
+        notes: list[str],
+    ) -> tuple[_Array, dict[str, _Array]]:
+        """Columns that follow, and the means of further columns, with their time; see `phasors`."""
+        if (np.diff(time) <= 0).any():
+            raise InputError(
+                "time does not increase with each sample",
+                where=table.source,
+                allowed="stamps with all their decimals",
+            )
+        return phasors(replace(table, columns=numbers), time, self, further, f_nominal, notes)
+
 
 def as_waveforms(found: Waveforms | Mapping[str, Any], source: str) -> Waveforms:
     """Check a description of waveforms, given as a mapping of fields or as `Waveforms`."""
     where = f"{source}, waveforms"
-    if not isinstance(found, Waveforms):
-        known = Waveforms.__dataclass_fields__
-        for key in found:
-            if key not in known:
-                raise unknown_name(key, known, kind="field", where=where)
-        given: dict[str, Any] = {k: tuple(v) if k in ("voltage", "current") else v for k, v in found.items()}
-        found = Waveforms(**given)
+    found = spec_of(Waveforms, found, where)
+    found = replace(found, voltage=tuple(found.voltage), current=tuple(found.current))
     for name, headers in (("voltage", found.voltage), ("current", found.current)):
         if len(headers) != 3 and (headers or name == "voltage"):
             raise InputError(
                 f"{name} has {len(headers)} columns", where=where, allowed="three, one for each phase"
             )
-    if len({*found.voltage, *found.current}) < len(found.voltage) + len(found.current):
+    if len({*found.headers}) < len(found.headers):
         raise InputError("a column is named twice", where=where, allowed="a column for each phase")
     if found.method not in METHODS:
         raise unknown_name(found.method, METHODS, kind="method", where=where)
@@ -145,40 +176,39 @@ def phasors(
     table: Table,
     time: _Array,
     spec: Waveforms,
+    further: Iterable[str],
     f_nominal: float,
     notes: list[str],
-    *,
-    further: Specs | None = None,
-) -> Table:
-    """Table of V in kV from line to line, angle in rad, f in Hz, P in MW and Q in Mvar, all of the positive sequence.
+) -> tuple[_Array, dict[str, _Array]]:
+    """Time in s; V in kV from line to line, angle in rad, f in Hz, P in MW and Q in Mvar, all of the positive sequence.
 
     Parameters
     ----------
     table : Table
-        With the waveforms.
+        Numbers of the waveforms and of further columns.
     time : ndarray of shape (L,)
         Seconds.
     spec : Waveforms
+    further : iterable of str
+        Headers of further columns, which are averaged over a nominal period.
     f_nominal : float
         Hz.
     notes : list of str
         Gets what was assumed.
-    further : mapping, optional
-        Further channels, which are averaged over a nominal period.
 
     Raises
     ------
     InputError
         If the samples are too few, or the phases are in another order than stated.
     """
-    period = 1.0 / f_nominal
+    period, where = 1.0 / f_nominal, f"{table.source}, waveforms"
     step = float(np.median(np.diff(time)))
     if period / step < _LEAST_SAMPLES:
         raise InputError(
             f"there are {period / step:.2g} samples in a period of {f_nominal:g} Hz",
             where=table.source,
             allowed=f"at least {_LEAST_SAMPLES}",
-            remedy="Of a record of rms values give columns instead of waveforms",
+            remedy="Of a record of rms values give columns instead of waveforms; of rms phasors give phasors",
         )
     half = {"cycle": 0.5, "P": 1.0, "M": _M_HALF}[spec.method] * period
     rate = 2.0 * f_nominal if spec.rate is None else spec.rate
@@ -189,112 +219,39 @@ def phasors(
             where=table.source,
             allowed=f"{2 * half:g} s",
         )
-    voltages = [_phasor(table, header, time, at, spec.method, f_nominal) for header in spec.voltage]
-    scale = _factor(table, spec.voltage, spec.voltage_unit, KV)
-    one, two, zero = (scale * part for part in _sequences(voltages))
-    if spec.line_to_line:
-        one, two = (
-            part * np.exp(-1j * turn) / np.sqrt(3) for part, turn in ((one, np.pi / 6), (two, -np.pi / 6))
-        )
-    start = slice(0, max(2, len(at) // 20))
-    if np.nanmedian(np.abs(two[start])) > _UNBALANCED * np.nanmedian(np.abs(one[start])):
-        raise InputError(
-            f"the negative sequence of the voltage is {np.nanmedian(np.abs(two[start])):.3g} kV, the positive one "
-            f"{np.nanmedian(np.abs(one[start])):.3g} kV",
-            where=table.source,
-            allowed="phases in the order of the positive sequence",
-            remedy=f"Interchange two of the voltages: {[spec.voltage[0], *spec.voltage[:0:-1]]}",
-        )
+    scale = factor(table.units, spec.voltage, spec.voltage_unit, "voltage", where)
+    voltages = [scale * _phasor(table, header, time, at, spec.method, f_nominal) for header in spec.voltage]
+    check_voltages(voltages, spec.voltage, table.source)
+    one, two, zero = sequences(voltages, spec.line_to_line)
     angle = unwrap(np.angle(one))
     f = f_nominal + np.gradient(angle, at) / (2 * np.pi)
     passed = _passed(np.clip(f - f_nominal, -_MOST_OFF, _MOST_OFF), spec.method, period)
     one = _divided(one, passed)
-    cells: dict[str, Any] = {
-        "time": at,
-        "V": np.sqrt(3) * np.abs(one),
-        "angle": angle,
-        "f": f,
-        "V2": np.sqrt(3) * np.abs(two),
-        "V0": np.sqrt(3) * np.abs(zero),
-    }
+    found = {"angle": angle, "f": f, **magnitudes(one, two, zero)}
     if spec.current:
-        currents = [_phasor(table, header, time, at, spec.method, f_nominal) for header in spec.current]
-        scale = _factor(table, spec.current, spec.current_unit, KA)
-        of_one, of_two, _ = (scale * part for part in _sequences(currents))
-        if np.nanmedian(np.abs(of_two[start])) > np.nanmedian(np.abs(of_one[start])):
-            notes.append(
-                doubt(
-                    "The currents have a larger negative than positive sequence: two phases interchanged, or one "
-                    "current transformer reversed?",
-                    table.source,
-                )
-            )
-        power = 3.0 * one * np.conj(_divided(of_one, passed))
-        cells |= {"P": power.real, "Q": power.imag}
-    known = {*cells}
-    for header in {h for column in (further or {}).values() for h in _headers(column)} - known:
-        cells[header] = _windowed(table.numbers(header), time, at, "cycle", period).real
+        scale = factor(table.units, spec.current, spec.current_unit, "current", where)
+        currents = [
+            scale * _phasor(table, header, time, at, spec.method, f_nominal) for header in spec.current
+        ]
+        doubt_currents(currents, spec.current, notes, table.source)
+        found |= power(one, _divided(sequences(currents)[0], passed))
+    for header in further:
+        found[header] = _windowed(table.numbers(header), time, at, "cycle", period).real
     notes.append(
-        f"V, angle, f, P and Q are of the positive sequence of {', '.join((*spec.voltage, *spec.current))}, by windows "
+        f"V, angle, f, P and Q are of the positive sequence of {', '.join(spec.headers)}, by windows "
         f"of {2 * half:.3g} s around each instant (method {spec.method!r}): within half of that, values before and "
         "after a jump are mixed."
     )
-    return Table(cells, range(1, len(at) + 1), table.source, "phasor")
+    return at, found
 
 
-def recording_of_waveforms(
-    table: Table,
-    time: _Array,
-    waveforms: Waveforms | Mapping[str, Any],
-    columns: Specs | None,
-    *,
-    f_nominal: float,
-    notes: Iterable[str] = (),
-    **options: Any,
-) -> Recording:
-    """Recording of the positive sequence, see `phasors`; the options are those of `build_recording`."""
-    spec, told = as_waveforms(waveforms, table.source), list(notes)
-    found = phasors(table, time, spec, f_nominal, told, further=columns)
-    own = {name: Column(name, unit=unit) for name, unit in _OWN.items() if name in found.columns}
-    return build_recording(
-        found, {**own, **(columns or {})}, time="time", f_nominal=f_nominal, notes=told, **options
-    )
-
-
-def _headers(column: Any) -> tuple[str, ...]:
-    if isinstance(column, str):
-        return (column,)
-    found = column if isinstance(column, Mapping) else column.__dict__
-    return tuple(found[key] for key in ("column", "real", "imag") if found.get(key))
-
-
-def _factor(table: Table, headers: Sequence[str], given: str | None, factors: Mapping[str, float]) -> float:
-    """Factor to kV or kA."""
-    units = {given} if given else {table.units.get(header, "") for header in headers}
-    unit = units.pop() if len(units) == 1 else ""
-    if unit not in factors:
-        raise InputError(
-            f"the unit of {', '.join(headers)} is {unit or 'not stated'!r}",
-            where=f"{table.source}, waveforms",
-            allowed=f"{' or '.join(factors)}, the same for all",
-            remedy=f"Give {'voltage_unit' if 'V' in factors else 'current_unit'}",
-        )
-    return factors[unit]
-
-
-def _sequences(phases: Sequence[_Phasor]) -> tuple[_Phasor, _Phasor, _Phasor]:
-    """Positive, negative and zero sequence of three phasors, (2)."""
-    a, b, c = phases
-    return (a + _TURN * b + _TURN**2 * c) / 3, (a + _TURN**2 * b + _TURN * c) / 3, (a + b + c) / 3
-
-
-def _phasor(table: Table, header: str, time: _Array, at: _Array, method: str, f_nominal: float) -> _Phasor:
+def _phasor(table: Table, header: str, time: _Array, at: _Array, method: str, f_nominal: float) -> Phasor:
     """Phasor (1) of a column at some instants; NaN where its window holds a gap."""
     turning = np.exp(-2j * np.pi * f_nominal * time)
     return _windowed(np.sqrt(2) * table.numbers(header) * turning, time, at, method, 1.0 / f_nominal)
 
 
-def _windowed(values: NDArray[Any], time: _Array, at: _Array, method: str, period: float) -> _Phasor:
+def _windowed(values: NDArray[Any], time: _Array, at: _Array, method: str, period: float) -> Phasor:
     """Averages by a window around some instants."""
     known = np.isfinite(values)
     if known.sum() < 4:
@@ -331,7 +288,7 @@ def _passed(deviation: _Array, method: str, period: float) -> _Array:
     return np.asarray(gain if method == "cycle" else gain**2)
 
 
-def _divided(phasor: _Phasor, passed: _Array) -> _Phasor:
+def _divided(phasor: Phasor, passed: _Array) -> Phasor:
     """Quotient; a gap stays one."""
     with np.errstate(invalid="ignore"):
         return phasor / passed

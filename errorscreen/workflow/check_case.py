@@ -169,10 +169,16 @@ def _model_problems(case: Case) -> list[str]:
     return []
 
 
+def _channels(section: RecordingSection) -> list[str]:
+    """Names of the channels of a recording: those of the columns, and all that may follow from three phases."""
+    follow = section.waveforms or section.phasors or not section.columns
+    return list(dict.fromkeys((*section.columns, *(("V", "angle", "f", "P", "Q") if follow else ()))))
+
+
 def _unknown_effects(case: Case) -> list[str]:
     """Names of no effect at all; which ones fit the model is known only with a recording."""
     faults = (
-        *measurement_effects(case.recording.columns or ("V", "angle", "f", "P", "Q")),
+        *measurement_effects(_channels(case.recording)),
         mva_base(),
         common_skew(),
     )

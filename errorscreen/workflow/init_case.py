@@ -14,8 +14,10 @@ from typing import Any
 from errorscreen._runtime.persistence import write_text_atomic
 from errorscreen.cases import load_case
 from errorscreen.cases.case_models import RecordingSection
+from errorscreen.data.disturbances import find_disturbances
 from errorscreen.data.guess_file import FileGuess, guess_file
 from errorscreen.data.guesses import Guess
+from errorscreen.data.phasors import as_phasors
 from errorscreen.data.plausibility import Doubt
 from errorscreen.data.recordings import Recording
 from errorscreen.exceptions import DataWarning, InputError
@@ -85,15 +87,12 @@ def init_case(
             )
     model = None if dyr is None else read_dyr(dyr)
     found = guess_file(path)
-    missing = [
-        f"{name} was not found: state recording.columns.{name}"
-        for name in ("V", "P", "Q")
-        if found.waveforms is None and name not in found.channels
-    ]
+    missing = [f"{name} was not found: state recording.columns.{name}" for name in _missing(found)]
     recording, problem = _read(path, found)
     if recording is not None:
         recording = _mended(path, found, recording)
         found.keys |= _event(recording)
+        found.open += _others(out, recording)
     doubts = [] if recording is None else [t for t in recording.assumptions if isinstance(t, Doubt)]
     device = list(_device(out, found, model, dyr))
     lines = [
@@ -117,6 +116,16 @@ def init_case(
     checks = [line.strip("# ") for line in lines[4:] if CHECK in line]
     told = (*checks, *doubts, *found.open)
     return Written(out, None if recording is None else picture, told, tuple(missing))
+
+
+def _missing(found: FileGuess) -> list[str]:
+    """Channels that a case needs and that neither columns nor three phases give."""
+    given = {*found.channels}
+    if found.waveforms is not None:
+        given |= {*"VPQ"}
+    elif "phasors" in found.keys:
+        given |= {*as_phasors(found.keys["phasors"].value, "").columns}
+    return [name for name in "VPQ" if name not in given]
 
 
 def _section(path: Path, found: FileGuess) -> RecordingSection:
@@ -175,6 +184,18 @@ def _event(recording: Recording) -> dict[str, Guess]:
     return keys
 
 
+def _others(out: Path, recording: Recording) -> list[str]:
+    """Sentence on the disturbances of a recording, where there are several."""
+    channels = {name: channel.values for name, channel in recording.channels.items()}
+    found = find_disturbances(recording.time, channels)
+    if len(found) < 2:
+        return []
+    at = ", ".join(f"{one.time:.6g}" for one in found)
+    return [
+        f"The file holds {len(found)} disturbances, at {at} s. errorscreen split {out} writes a case for each."
+    ]
+
+
 def _recording(out: Path, path: Path, found: FileGuess) -> Iterator[str]:
     relative = _relative(path, out)
     yield "[recording]"
@@ -189,10 +210,9 @@ def _recording(out: Path, path: Path, found: FileGuess) -> Iterator[str]:
     yield "[recording.columns]"
     for name, one in found.channels.items():
         yield _line(name, Guess(one.fields, one.reason, one.check))
-    if found.waveforms is None:
-        for name, unit in (("V", "kV"), ("P", "MW"), ("Q", "Mvar")):
-            if name not in found.channels:
-                yield f'# {name} = {{ column = "…", unit = "{unit}" }}  # STATE: no column was recognised as {name}'
+    units = {"V": "kV", "P": "MW", "Q": "Mvar"}
+    for name in _missing(found):
+        yield f'# {name} = {{ column = "…", unit = "{units[name]}" }}  # STATE: no column was recognised as {name}'
     yield ""
 
 
@@ -216,7 +236,8 @@ def _device(
             yield "# STATE: bus and id of the recorded unit; the file holds"
             for bus, id in units:
                 yield f"# bus = {_toml(bus)}, id = {_toml(id)}"
-    if found.waveforms is None and not {"angle", "f"} & found.channels.keys():
+    phases = found.waveforms is not None or "phasors" in found.keys
+    if not phases and not {"angle", "f"} & found.channels.keys():
         yield "constant_frequency = true  # neither angle nor frequency was recorded, so the frequency is held"
     yield ""
 

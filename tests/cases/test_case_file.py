@@ -140,6 +140,13 @@ def test_a_shift_is_applied_before_resampling(tmp_path):
     assert "The time stamps of V were shifted by -0.017 s." in rec.assumptions
 
 
+def test_a_bare_header_is_a_column(tmp_path):
+    text = replaced('[recording.columns.V]\ncolumn = "U"\nunit = "kV"', '[recording.columns]\nI = "I [kA]"')
+    assert load_case(write(tmp_path, text)).recording.columns["I"] == ColumnSection(column="I [kA]")
+    with pytest.raises(InputError, match=r"columns.I: 3 was found. Allowed: a table"):
+        load_case(write(tmp_path, text.replace('"I [kA]"', "3")))
+
+
 def test_column_sections_are_columns():
     assert list(ColumnSection.model_fields) == [f.name for f in fields(Column)]
     assert Column(**dict(ColumnSection(column="c"))) == Column("c")

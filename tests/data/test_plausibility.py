@@ -135,6 +135,40 @@ def test_a_jump_between_equal_stamps_is_removed_before_their_mean():
     assert steps.max() < 1.0
 
 
-def _read(table, **columns):
-    columns = {"V": "V", "angle": "angle", **columns}
-    return from_frame(pd.DataFrame(table), columns, time="t", base_mva=1, f_nominal=50)
+def _read(table, angle="angle", **options):
+    columns = {"V": "V", "angle": angle}
+    return from_frame(pd.DataFrame(table), columns, time="t", base_mva=1, f_nominal=50, **options)
+
+
+def test_a_negative_magnitude_is_doubted():
+    V = DIP.copy()
+    V[120:125] = -0.3
+    (found,), _ = doubts(V=V)
+    assert found.startswith("V is negative in 5 readings, the first at 2.4 s: a magnitude is not.")
+    V[120:125] = -0.005
+    assert doubts(V=V)[0] == [], "an instrument may read this of zero"
+
+
+def test_equal_readings_far_beyond_the_others_are_doubted():
+    table = {"t": TIME, "V": np.where((TIME > 4) & (TIME < 4.05), 655.35, DIP), "angle": ANGLE}
+    with pytest.warns(
+        DataWarning, match=r"2 readings are exactly 655.35, far beyond.*missing = \['655.35'\]"
+    ):
+        rec = _read(table, event_time=2.0)
+    assert any(isinstance(note, Doubt) and "a mark of a gap?" in note for note in rec.assumptions)
+    rec = _read(table, missing=["655.35"])
+    assert np.isnan(rec.channel("V").values).sum() == 2
+    still = np.where((TIME > 2) & (TIME < 2.5), 0.4, 1e-3 * np.sin(TIME))
+    rec = _read({**table, "V": DIP, "angle": still})
+    assert not any(isinstance(note, Doubt) for note in rec.assumptions), "about zero, 0.4 may well be"
+
+
+def test_lost_samples_of_a_regular_grid_are_told_with_their_places():
+    keep = ~np.isin(np.arange(len(TIME)), [50, 51, 52, 200])
+    rec = _read({"t": TIME[keep], "V": DIP[keep], "angle": ANGLE[keep]})
+    told = "4 samples are missing in a grid of 0.02 s, in 2 places: 3 after 0.98 s, 1 after 3.98 s."
+    assert told in rec.assumptions
+    jitter = TIME + 0.006 * np.sin(np.arange(len(TIME)))
+    rec = _read({"t": jitter, "V": DIP, "angle": ANGLE})
+    assert not any("missing" in note for note in rec.assumptions)
+    assert any("s apart (median" in note for note in rec.assumptions)

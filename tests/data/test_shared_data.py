@@ -100,3 +100,15 @@ def test_commercial_simulation():
     )
     assert plant.event_time == pytest.approx(1.005)
     assert 0 < plant.channel("P").noise < 1e-4
+
+
+def test_rows_of_dynawo_at_one_instant():
+    columns = {
+        "P": Column("SynchronousGenerator_generator_PGenPu", unit="pu", base=100.0),
+        "Q": Column("SynchronousGenerator_generator_QGenPu", unit="pu", base=100.0),
+    }
+    file = path("dynawo_case_1", "raw_measured.csv")
+    rec = read_csv(file, columns, base_mva=500.0, f_nominal=50.0, on_duplicate="last")
+    assert (np.diff(rec.time) > 0).all()
+    assert rec.channel("P").values[0] == pytest.approx(4.751011 / 5.0)
+    assert rec.channel("Q").values[0] == pytest.approx(1.561898 / 5.0)

@@ -229,3 +229,147 @@ def test_no_warning_is_left_to_be_read_on_the_terminal(tmp_path, recwarn):
     )
     assert not [one for one in recwarn if issubclass(one.category, DataWarning)]
     assert "line_neutral = true" in (tmp_path / "c.toml").read_text()
+
+
+def test_output_of_pscad(tmp_path):
+    V, A, P, Q = VALUES.values()
+    columns = [("Vterm", "kV", 20.0 * V), ("Theta", "deg", np.rad2deg(A)), ("Pg", "MW", P), ("Qg", "MVAR", Q)]
+    path = tmp_path / "run.inf"
+    path.write_text(
+        "".join(
+            f'PGB({k}) Output Desc="{name}" Group="Main" Max=2.0 Min=-2.0 Units="{unit}"\n'
+            for k, (name, unit, _) in enumerate(columns, start=1)
+        )
+    )
+    rows = np.column_stack([TIME, *(values for *_, values in columns)])
+    (tmp_path / "run_01.out").write_text("\n".join(" ".join(f"{x:.8E}" for x in row) for row in rows) + "\n")
+    written, case, recording, _ = initiated(path)
+    assert not written.missing
+    check(recording)
+    assert {name: one.column for name, one in case.recording.columns.items()} == {
+        **{"V": "Vterm", "angle": "Theta", "P": "Pg", "Q": "Qg"}
+    }
+    assert (case.recording.format, case.recording.time) == ("pscad", "time")
+
+
+def test_a_workbook(tmp_path):
+    openpyxl = pytest.importorskip("openpyxl")
+    V, _, P, Q = VALUES.values()
+    book = openpyxl.Workbook()
+    book.active.title = "cover"
+    sheet = book.create_sheet("readings")
+    for row in [("time", "U", "P", "Q"), ("s", "kV", "MW", "Mvar"), *zip(TIME, 20 * V, P, Q, strict=True)]:
+        sheet.append([x if isinstance(x, str) else float(x) for x in row])
+    path = tmp_path / "unit.xlsx"
+    book.save(path)
+    written, case, recording, text = initiated(path)
+    assert not written.missing
+    check(recording)
+    assert (case.recording.sheet, case.recording.base_kv) == ("readings", 20.0)
+    assert "CHECK: the first one; others: 'cover'" in text
+
+
+def test_a_matlab_file(tmp_path):
+    from scipy.io import savemat
+
+    V, A, P, Q = VALUES.values()
+    path = tmp_path / "unit.mat"
+    savemat(
+        path, {"t": TIME, "vt": 20 * V, "theta": np.rad2deg(A), "pg": P, "qg": Q, "slow": TIME[::2], "n": 3.0}
+    )
+    written, case, recording, _ = initiated(path)
+    assert not written.missing
+    check(recording)
+    assert (case.recording.format, case.recording.time, case.recording.time_unit) == ("matlab", "t", "s")
+    assert "Variable 'slow' is of another length." in written.check
+
+
+def test_a_parquet_file(tmp_path):
+    pytest.importorskip("pyarrow")
+    import pandas as pd
+
+    V, _, P, Q = VALUES.values()
+    stamps = pd.Timestamp("2026-05-03 10:00", tz="Europe/Berlin") + pd.to_timedelta(TIME, unit="s")
+    path = tmp_path / "unit.parquet"
+    pd.DataFrame({"V [pu]": V, "P [MW]": P, "Q [Mvar]": Q}, index=stamps).to_parquet(path)
+    written, case, recording, _ = initiated(path)
+    assert not written.missing
+    check(recording)
+    assert (case.recording.time, case.recording.time_unit) == ("(index)", None)
+    pd.DataFrame({"stamp": stamps, "V": V, "P": P, "Q": Q}).to_parquet(path)
+    assert init_case(path, out=tmp_path / "b.toml").missing == ()
+    assert load_case(tmp_path / "b.toml").recording.time == "stamp"
+
+
+def test_a_tag_in_each_row(tmp_path):
+    rows = ["TagName,TimeStamp,Value,Quality"]
+    for k, t in enumerate(TIME):
+        for name, unit in (("V", "pu"), ("P", "MW"), ("Q", "Mvar")):
+            status = "Bad" if (k, name) == (150, "Q") else "Good"
+            stamp = f"2026-05-03T10:00:{t:06.3f}Z"
+            rows.append(f"{name} [{unit}],{stamp},{VALUES[name][k]:.6f},{status}")
+    path = tmp_path / "tags.csv"
+    path.write_text("\n".join(rows))
+    written, case, recording, _ = initiated(path)
+    assert not written.missing
+    check(recording)
+    assert (case.recording.long.tag, case.recording.long.value) == ("TagName", "Value")
+    assert case.recording.columns["P"].column == "P [MW]"
+    assert (case.recording.quality.column, case.recording.quality.good) == ("Quality", ["Good"])
+    assert np.isnan(recording.channel("Q").values).sum() == 1
+
+
+def test_numbers_without_headers(tmp_path):
+    V, A, P, Q = VALUES.values()
+    f = 50.0 + np.gradient(A, TIME) / (2 * np.pi)
+    turned = np.rad2deg((A + np.pi - 0.8) % (2 * np.pi) - np.pi)
+    turned[100:] = (turned[100:] + 40 * (TIME[100:] - 2.0) * 12 + 180) % 360 - 180
+    rows = "\n".join(",".join(f"{x:.6f}" for x in row) for row in zip(TIME, f, V, P, Q, turned, strict=True))
+    path = tmp_path / "bare.csv"
+    path.write_text(rows + "\n")
+    written = init_case(path, out=tmp_path / "bare.toml")
+    text = written.case.read_text()
+    assert 'time = "column 1"' in text
+    assert 'f = { column = "column 2", unit = "Hz" }  # CHECK: near 50' in text
+    assert 'V = { column = "column 3", unit = "pu" }  # CHECK: ' in text
+    assert 'angle = { column = "column 6", unit = "deg" }  # CHECK: jumps by 360' in text
+    assert "# Open: Numbers alone do not tell P and Q: 'column 4' begins at 80" in text
+    assert '# P = { column = "…", unit = "MW" }  # STATE' in text
+    assert any("state recording.columns.P" in one for one in written.missing)
+    for name, factor, said in (
+        (
+            "a",
+            0.7,
+            'V = { column = "column 2", unit = "kV" }  # CHECK: 20 before the event, near a usual level',
+        ),
+        ("b", 1.0, "# Open: V may be one of 'column 2', 'column 3': state which."),  # 138/√3 is 79.7
+    ):
+        rows = (f"{t:.2f},{20 * v:.5f},{factor * p:.5f}" for t, v, p in zip(TIME, V, P, strict=True))
+        path.write_text("\n".join(rows))
+        assert said in init_case(path, out=tmp_path / f"{name}.toml").case.read_text()
+
+
+def test_curves_of_dynawo(tmp_path):
+    """A semicolon ends each line, and a step has several rows, as its source CRVCsvExporter.cpp writes them."""
+    V, A, P, Q = VALUES.values()
+    names = ("UPu", "UPhase", "PGenPu", "QGenPu")
+    lines = ["time;" + "".join(f"GEN_generator_{name};" for name in names)]
+    for k, row in enumerate(zip(TIME, V, A, P / 100, Q / 100, strict=True)):
+        lines += ["".join(f"{x:.6f};" for x in row)] * (4 if k == 10 else 1)
+    jump = next(k for k, line in enumerate(lines) if line.startswith("1.000000"))
+    lines.insert(jump, "1.000000;" + lines[jump - 1].split(";", 1)[1])
+    path = tmp_path / "curves.csv"
+    path.write_text("\n".join(lines) + "\n")
+    written, case, recording, _ = initiated(path)
+    assert not written.missing
+    check(recording, 100.0)
+    assert case.recording.on_duplicate == "mean"
+    columns = {name: one.column for name, one in case.recording.columns.items()}
+    assert columns["angle"] == "GEN_generator_UPhase"
+    stepped = tmp_path / "stepped.toml"
+    stepped.write_text(
+        written.case.read_text().replace("[recording]", '[recording]\non_duplicate = "keep-step"')
+    )
+    recording = load_case(stepped).load_recording()
+    assert np.diff(recording.time).min() < 1e-6
+    check(recording, 100.0)

@@ -12,8 +12,10 @@ from errorscreen.data.readers.base import LAYOUT_KEYS, Reader
 from errorscreen.data.readers.comtrade import COMTRADE
 from errorscreen.data.readers.csv import CSV
 from errorscreen.data.readers.excel import EXCEL
+from errorscreen.data.readers.matlab import MATLAB
+from errorscreen.data.readers.parquet import PARQUET
 from errorscreen.data.readers.pscad import PSCAD
-from errorscreen.data.readers.text import check_file, refuse_other_format
+from errorscreen.data.readers.text import check_file, refuse_by_ending, refuse_other_format
 from errorscreen.data.recordings import Recording
 from errorscreen.exceptions import InputError
 
@@ -22,7 +24,7 @@ READERS: Registry[Reader] = Registry(
     "format",
     "errorscreen.readers",
     Reader,
-    {"csv": CSV, "comtrade": COMTRADE, "pscad": PSCAD, "excel": EXCEL},
+    {"csv": CSV, "comtrade": COMTRADE, "pscad": PSCAD, "excel": EXCEL, "matlab": MATLAB, "parquet": PARQUET},
 )
 #: bytes that a format is recognised by
 _HEAD = 4096
@@ -51,12 +53,12 @@ def read_recording(
     form = format or recognised(Path(path))
     reader = READERS[form]
     check_options(form, options, f"file {path}")
-    if not columns and reader.needs_columns and "waveforms" not in options:
+    if not columns and reader.needs_columns and not {"waveforms", "phasors"} & options.keys():
         raise InputError(
             "no column is mapped to a channel",
             where=f"file {path}",
             allowed="at least one",
-            remedy="Give columns, or waveforms of three phases",
+            remedy="Give columns, or waveforms or phasors of three phases",
         )
     return reader.read(path, columns, **options)
 
@@ -83,6 +85,7 @@ def recognised(path: Path) -> str:
         if (reader := READERS.usable(name)) is not None and reader.recognises(head):
             return name
     refuse_other_format(head, path)
+    refuse_by_ending(path)
     raise InputError(
         "the format is not recognised",
         where=f"file {path}",

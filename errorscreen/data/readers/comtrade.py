@@ -24,7 +24,7 @@ from errorscreen.data.readers.tables import numbered, with_units
 from errorscreen.data.readers.text import check_file
 from errorscreen.data.recordings import Recording
 from errorscreen.data.table import Table
-from errorscreen.data.waveforms import Waveforms, recording_of_waveforms, trios
+from errorscreen.data.waveforms import Waveforms, trios
 from errorscreen.exceptions import InputError
 
 _Array = NDArray[np.float64]
@@ -97,19 +97,14 @@ def read_comtrade(
         If the files are no COMTRADE record, or lack a channel.
     """
     path = Path(path)
-    table, time, found, notes = read_comtrade_table(path)
-    if waveforms is None and not columns:
+    table, _, found, notes = read_comtrade_table(path)
+    if waveforms is None and not columns and "phasors" not in options:
         waveforms = trios([(c.name, c.phase, c.unit) for c in found.channels], f"file {path}")
     label = path.stem if name is None else name
-    if waveforms is None:
-        assert columns is not None
-        specs = with_units(columns, table)
-        return build_recording(
-            table, specs, time="time", f_nominal=f_nominal, name=label, notes=notes, **options
-        )
-    return recording_of_waveforms(
-        table, time, waveforms, columns, f_nominal=f_nominal, name=label, notes=notes, **options
-    )
+    return build_recording(
+        table, with_units(columns or {}, table), time="time", f_nominal=f_nominal, waveforms=waveforms, name=label,
+        notes=notes, **options,
+    )  # fmt: skip
 
 
 def read_comtrade_table(path: Path) -> tuple[Table, _Array, _Configuration, list[str]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import os
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +17,8 @@ import pandas as pd
 from errorscreen.data.frames import Specs
 from errorscreen.data.headers import known_unit
 from errorscreen.data.no_readings import Quality, as_quality
+from errorscreen.data.phase_headers import sisters
+from errorscreen.data.phasors import Phasors, as_phases, to_read
 from errorscreen.data.readers.base import LAYOUT_KEYS, Reader
 from errorscreen.data.readers.head import WHITESPACE, Head, Layout
 from errorscreen.data.readers.long import Long, as_long, spread
@@ -25,7 +28,7 @@ from errorscreen.data.recordings import Recording
 from errorscreen.data.table import Table
 from errorscreen.data.timestamps import format_of_time
 from errorscreen.data.units import as_column
-from errorscreen.data.waveforms import Waveforms, as_waveforms
+from errorscreen.data.waveforms import Waveforms
 from errorscreen.exceptions import InputError, unknown_name
 
 #: bytes that are looked at together
@@ -71,8 +74,8 @@ def read_csv(
         Names of the columns of a file without headers.
     **options
         `time`, the header of the time stamps or two of them (``"time"``); `time_unit`, that of the row of units, or
-        seconds, where not given; `waveforms`, sampled voltages and currents of three phases, from which V, angle, f, P
-        and Q follow (`columns` then holds only further channels); `long`, the columns with tags and values of a file
+        seconds, where not given; `waveforms` or `phasors`, three phases from which V, angle, f, P and Q follow
+        (`columns` then holds only further channels); `long`, the columns with tags and values of a file
         with one reading in each row (`columns` then names tags); `base_mva`, `f_nominal`, `quality` and all others of
         `from_frame`.
 
@@ -118,6 +121,7 @@ def recording_of_text(
     time_unit: str | None = None,
     quality: Quality | Mapping[str, Any] | None = None,
     waveforms: Waveforms | Mapping[str, Any] | None = None,
+    phasors: Phasors | Mapping[str, Any] | None = None,
     long: Long | Mapping[str, Any] | None = None,
     row_word: str = "line",
     **options: Any,
@@ -125,17 +129,19 @@ def recording_of_text(
     """Recording of a text whose head was read; `row_word` is for messages, all else as in `read_csv`."""
     source = head.source
     specs = {role: as_column(role, c, f"{source}, channel {role!r}") for role, c in (columns or {}).items()}
-    sampled = None if waveforms is None else as_waveforms(waveforms, source)
+    phases = as_phases(waveforms, phasors, source)
     status = as_quality(quality, source)
     tags = None if long is None else as_long(long, source)
     form = format_of_time(
         time, time_unit or "s", options.get("time_format"), options.get("time_base"), source
     )
-    wanted = list(dict.fromkeys(header for spec in specs.values() for header in spec.headers))
-    wanted = [*wanted, *(() if sampled is None else (*sampled.voltage, *sampled.current))]
+    wanted = to_read(phases, (header for spec in specs.values() for header in spec.headers), head.names)
+    wanted = list(dict.fromkeys([*wanted, *(() if phases is None else phases.headers)]))
+    once = [name for name, count in Counter(head.names).items() if count == 1]
+    beside = sisters(specs["V"].column or "", once) if "V" in specs and tags is None else []
     texts = [*(form.headers if form.of_texts else ()), *([status.column] if status else [])]
     texts = [*texts, *([tags.tag] if tags else [])]
-    columns_read = [*form.headers, *(wanted if tags is None else [tags.value]), *texts]
+    columns_read = [*form.headers, *(wanted if tags is None else [tags.value]), *beside, *texts]
     table = replace(read_body(head, layout, columns_read, texts), row_word=row_word)
     told: list[str] = []
     if tags is not None:
@@ -146,8 +152,8 @@ def recording_of_text(
         )  # fmt: skip
         status = None
     return recording_of_table(
-        table, specs, time=time, time_unit=time_unit, waveforms=sampled, quality=status, decimal=layout.decimal,
-        notes=told, **options,
+        table, specs, time=time, time_unit=time_unit, waveforms=waveforms, phasors=phasors, quality=status,
+        decimal=layout.decimal, notes=told, **options,
     )  # fmt: skip
 
 

@@ -56,7 +56,7 @@ def read_excel(
     """
     path = Path(path)
     layout = Layout("\t", decimal, "utf-8", skip_rows, header_rows, header)
-    head = Head.of_text(_text(path, sheet), layout, f"file {path}")
+    head = Head.of_text(_text(path, sheet)[0], layout, f"file {path}")
     label = path.stem if name is None else name
     return recording_of_text(head, layout, columns, name=label, row_word="row", **options)
 
@@ -64,11 +64,22 @@ def read_excel(
 def read_headers(path: Path, *, sheet: str | None = None, long: Any = None, **layout: Any) -> list[str]:
     """Headers of a sheet."""
     found = Layout("\t", **layout)
-    return headers_of_text(Head.of_text(_text(path, sheet), found, f"file {path}"), found, long)
+    return headers_of_text(Head.of_text(_text(path, sheet)[0], found, f"file {path}"), found, long)
 
 
-def _text(path: Path, sheet: str | None) -> str:
-    """Cells of a sheet, separated by tabulators."""
+def first_sheet(path: Path) -> tuple[str, str, list[str]]:
+    """Cells of the first sheet that is not empty, its name, and the names of the others."""
+    text, titles = _text(path, None)
+    name = titles[0]
+    for title in titles[1:]:
+        if text.strip():
+            break
+        text, name = _text(path, title)[0], title
+    return text, name, [title for title in titles if title != name]
+
+
+def _text(path: Path, sheet: str | None) -> tuple[str, list[str]]:
+    """Cells of a sheet, separated by tabulators, and the names of all sheets."""
     check_file(path)
     where = f"file {path}"
     try:
@@ -85,7 +96,7 @@ def _text(path: Path, sheet: str | None) -> str:
                 raise unknown_name(sheet, sheets, kind="sheet", where=where)
             chosen = sheets[sheet] if sheet is not None else next(iter(sheets.values()))
             chosen.reset_dimensions()  # some programs write wrong ones
-            return _lines(chosen, where)
+            return _lines(chosen, where), [*sheets]
         finally:
             book.close()
     except InputError:

@@ -47,11 +47,16 @@ def read_pscad(
         If files are missing or do not fit together.
     """
     path = Path(path)
-    names, units = _channels(path)
     notes: list[str] = []
-    table = _table(path, names, units, notes)
+    table = read_pscad_table(path, notes)
     options["name"] = path.stem if name is None else name
     return recording_of_table(table, columns, time="time", notes=notes, **options)
+
+
+def read_pscad_table(path: Path, notes: list[str]) -> Table:
+    """Time and channels of a run, with remarks."""
+    names, units = _channels(path)
+    return _table(path, names, units, notes)
 
 
 def read_headers(path: Path) -> list[str]:

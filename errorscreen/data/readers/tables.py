@@ -3,19 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from typing import Any
-
-import numpy as np
 
 from errorscreen.data.frames import Specs, build_recording
 from errorscreen.data.headers import known_unit
-from errorscreen.data.no_readings import as_quality, without_bad_rows
 from errorscreen.data.recordings import Recording
 from errorscreen.data.table import Table
-from errorscreen.data.timestamps import format_of_time, read_time, seconds_of
 from errorscreen.data.units import Column, as_column
-from errorscreen.data.waveforms import as_waveforms, recording_of_waveforms
 from errorscreen.exceptions import InputError
 
 
@@ -25,53 +19,21 @@ def recording_of_table(
     *,
     time: str | Sequence[str],
     time_unit: str | None = None,
-    waveforms: Any = None,
-    quality: Any = None,
-    decimal: str = ".",
     notes: Iterable[str] = (),
     **options: Any,
 ) -> Recording:
-    """Recording of columns, or of what follows from waveforms; units of the file count where none is given.
+    """Recording of columns, or of what follows from three phases; units of the file count where none is given.
 
     The options are those of `errorscreen.data.frames.build_recording`.
     """
-    specs, told = with_units(columns or {}, table), list(notes)
+    specs = with_units(columns or {}, table)
     first_header = time if isinstance(time, str) else time[0]
     stated = known_unit("time", table.units.get(first_header, ""))
     if time_unit is None:
         time_unit = stated or "s"
     elif stated is not None and stated != time_unit:
         raise other_unit("time", first_header, time_unit, stated, table)
-    if waveforms is None:
-        return build_recording(
-            table,
-            specs,
-            time=time,
-            time_unit=time_unit,
-            quality=quality,
-            decimal=decimal,
-            notes=told,
-            **options,
-        )
-    sampled = as_waveforms(waveforms, table.source)
-    pattern, base = options.pop("time_format", None), options.pop("time_base", None)
-    form = format_of_time(time, time_unit, pattern, base, table.source)
-    stamps, first = read_time(table, form, told, decimal)
-    if (np.diff(stamps) <= 0).any():
-        raise InputError(
-            "time does not increase with each sample",
-            where=table.source,
-            allowed="stamps with all their decimals",
-        )
-    for name in ("t_start", "t_end", "event_time"):
-        if name in options:
-            options[name] = seconds_of(options[name], name, form, first, table.source)
-    wanted = [*sampled.voltage, *sampled.current, *(h for spec in specs.values() for h in spec.headers)]
-    missing = options.pop("missing", ())
-    values = {h: table.numbers(h, missing=missing, decimal=decimal) for h in wanted if h in table.columns}
-    values = without_bad_rows(values, table, as_quality(quality, table.source), told)
-    table = replace(table, columns={**table.columns, **values})
-    return recording_of_waveforms(table, stamps, sampled, specs, notes=told, **options)
+    return build_recording(table, specs, time=time, time_unit=time_unit, notes=notes, **options)
 
 
 def numbered(names: Iterable[str], taken: Iterable[str] = ()) -> list[str]:

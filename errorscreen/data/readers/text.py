@@ -12,12 +12,28 @@ from errorscreen.exceptions import InputError
 _OTHER_FORMATS = {
     b"PK\x03\x04": ("a spreadsheet or another zip archive", "State format = 'excel'"),
     b"\xd0\xcf\x11\xe0": ("a spreadsheet of an old version", "Save the sheet as .xlsx or CSV"),
-    b"MATLAB 5.0": ("a MATLAB file", "Export its variables as CSV"),
-    b"\x89HDF": ("an HDF5 or MATLAB 7.3 file", "Export its variables as CSV"),
-    b"PAR1": ("a Parquet file", "Read it with pandas.read_parquet, and give the table to errorscreen.read"),
+    b"MATLAB 5.0 MAT-file": ("a MATLAB file", "State format = 'matlab'"),
+    b"MATLAB 7.3 MAT-file": ("a MATLAB file", "State format = 'matlab'"),
+    b"\x89HDF": ("an HDF5 file", "Export its numbers as CSV"),
+    b"PAR1": ("a Parquet file", "State format = 'parquet'"),
     b"--- file type": ("a COMTRADE file", "State format = 'comtrade'"),
     b"\x1f\x8b": ("compressed by gzip", "Unpack it"),
+    b"#1\ndouble ": ("a file of tables of Modelica", "Cut the table to a file of its own, and give header"),
+    b"#1\r\ndouble ": ("a file of tables of Modelica", "Cut the table to a file of its own, and give header"),
 }
+#: endings of formats that are no text and whose form is not published, with what to do
+_BY_ENDING = {
+    ".psout": (
+        "output of PSCAD 5 in its binary form",
+        "Convert it to .inf and .out files in the PSOUT Reader",
+    ),
+    ".chf": ("channels of PSLF in its binary form", "Export the channels as CSV"),
+    ".out": (
+        "in binary form, as channel output of PSS/E",
+        "In the Python of PSS/E: dyntools.CHNF('run.out').xlsout(), and give the workbook",
+    ),
+}
+_BY_ENDING[".outx"] = _BY_ENDING[".out"]
 #: bytes that tell UTF-16 without a mark
 _HEAD = 2000
 #: larger files are not read, because a table takes a multiple of its file in memory
@@ -79,6 +95,15 @@ def refuse_other_format(head: bytes, path: Path) -> None:
             "holds the data of a COMTRADE record",
             where=f"file {path}",
             remedy="Give the .cfg file beside it as path",
+        )
+
+
+def refuse_by_ending(path: Path) -> None:
+    """Refuse a file that is no text, and whose ending is that of a format of a simulation program."""
+    if path.suffix.lower() in _BY_ENDING:
+        kind, remedy = _BY_ENDING[path.suffix.lower()]
+        raise InputError(
+            f"is {kind}", where=f"file {path}", allowed="a format that is published", remedy=remedy
         )
 
 

@@ -132,8 +132,11 @@ def test_numbers_may_mark_gaps(tmp_path, mark):
     ("content", "message"),
     [
         (b"PK\x03\x04" + bytes(40), "is no sound workbook.*save it as .xlsx or CSV"),
-        (b"MATLAB 5.0 MAT-file" + bytes(200), "is a MATLAB file.*Export its variables as CSV"),
-        (b"\x89HDF\r\n\x1a\n" + bytes(40), "is an HDF5 or MATLAB 7.3 file"),
+        (
+            b"MATLAB 5.0 MAT-file" + bytes(200),
+            "is damaged.*Allowed: a MATLAB file of version 5 or 7.3.*or export CSV",
+        ),
+        (b"\x89HDF\r\n\x1a\n" + bytes(40), "is an HDF5 file.*as CSV"),
     ],
 )
 def test_other_formats_are_called_by_name(tmp_path, content, message):

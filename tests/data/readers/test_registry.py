@@ -40,7 +40,8 @@ def test_the_last_reader_is_asked_first(tmp_path, monkeypatch):
 def test_an_unknown_format_is_answered_with_the_allowed_ones(tmp_path):
     path = tmp_path / "a.dat"
     path.write_bytes(b"\x01\x00\x02")
-    message = f"file {path}: the format is not recognised. Allowed: csv, comtrade, pscad, excel. State it"
+    allowed = "csv, comtrade, pscad, excel, matlab, parquet"
+    message = f"file {path}: the format is not recognised. Allowed: {allowed}. State it"
     with pytest.raises(InputError, match=re.escape(message)):
         read_recording(path, COLUMNS, **BASES)
     with pytest.raises(InputError, match="unknown format 'cvs' .did you mean 'csv'"):
@@ -52,3 +53,29 @@ def test_a_file_of_columns_needs_a_channel(tmp_path):
     path.write_text(TEXT)
     with pytest.raises(InputError, match="no column is mapped to a channel.*Give columns, or waveforms"):
         read_recording(path, None, **BASES)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("run.psout", b"\x00\x01", "output of PSCAD 5.*PSOUT Reader"),
+        ("run.CHF", b"\x11\x00\x00", "channels of PSLF.*as CSV"),
+        ("run.out", b"\x00\x01", "channel output of PSS/E.*xlsout"),
+        ("run.outx", b"\x00\x01", "channel output of PSS/E"),
+        ("a.h5", b"\x89HDF\r\n\x1a\n\0", "is an HDF5 file.*as CSV"),
+        ("table.txt", b"#1\ndouble Table(2,2)\n0 1\n1 1\n", "file of tables of Modelica"),
+    ],
+)
+def test_formats_of_programs_are_refused_by_name(tmp_path, name, content, message):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError, match=message):
+        read_recording(tmp_path / name, COLUMNS, **BASES)
+
+
+def test_text_of_channels_below_a_title_is_read(tmp_path):
+    """What is known of the text of PSS/E: titles, then rows of numbers between blanks (a public reader of it)."""
+    rows = TEXT.partition("\n")[2].replace(",", "  ")
+    (tmp_path / "run.out").write_text(f" TITLE OF THE CASE\n SECOND LINE\n\n{rows}\n")
+    layout = {"skip_rows": 3, "header": ["time", "P"], "delimiter": "whitespace"}
+    recording = read_recording(tmp_path / "run.out", COLUMNS, **layout, **BASES)
+    assert recording.channel("P").values[[0, -1]].tolist() == [0.5, 0.4]

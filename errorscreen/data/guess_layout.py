@@ -1,0 +1,88 @@
+"""Layout of a text of unknown origin: delimiter, decimal mark, rows of headers, as guesses."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from errorscreen.data.guesses import Guess
+from errorscreen.data.headers import known_unit
+from errorscreen.data.readers.head import COMMENTS, DELIMITERS, WHITESPACE, is_number
+from errorscreen.data.readers.text import decoded
+from errorscreen.exceptions import InputError
+
+#: lines that the layout is guessed from
+_LINES = 200
+
+
+def text_of(path: Path) -> tuple[str, dict[str, Guess]]:
+    """Text of a file, and its encoding where it is not UTF-8."""
+    try:
+        return decoded(path, "utf-8-sig"), {}
+    except InputError as error:
+        if not error.what.endswith("text"):
+            raise
+    return decoded(path, "latin-1"), {"encoding": Guess("latin-1", "the file is not UTF-8")}
+
+
+def guess_layout(text: str, delimiter: str | None = None) -> dict[str, Guess]:
+    """Keys of `Layout` that differ from the defaults; a delimiter that is known is not guessed."""
+    keys: dict[str, Guess] = {}
+    lines = text[: text.find("\0")].splitlines() if "\0" in text else _first_lines(text)
+    told = [k for k, one in enumerate(lines) if one.strip() and not one.lstrip().startswith(COMMENTS)]
+    rows = [k for k in told if not re.fullmatch(r"sep=.\s*", lines[k], re.IGNORECASE)]
+    tail = [lines[k] for k in rows[len(rows) // 2 :]]
+    if not tail:
+        return keys
+    known, delimiter = delimiter is not None, delimiter or _delimiter(tail)
+    cells = {k: _cells(lines[k], delimiter) for k in rows}
+    of_tail = [cell for one in tail for cell in _cells(one, delimiter)]
+    decimal = "."
+    if delimiter != "," and any(re.fullmatch(r"[+-]?\d*,\d+([eE][+-]?\d+)?", cell) for cell in of_tail):
+        decimal = ","
+        keys["decimal"] = Guess(",", "as the numbers in the file have it")
+    width = len(_cells(tail[-1], delimiter))
+    begin = next((k for k in rows if len(cells[k]) == width), rows[0])
+    numeric = [any(is_number(cell, decimal) for cell in cells[k]) for k in rows if k >= begin]
+    n_heads = numeric.index(True) if True in numeric else len(numeric)
+    if begin != rows[0]:
+        keys["skip_rows"] = Guess(begin, "lines above the table")
+    heads = [k for k in rows if k >= begin][:n_heads]
+    if len(heads) > 1 and all(known_unit("", cell) for cell in cells[heads[-1]] if cell):
+        heads = heads[:-1]  # a row of units, which the reader knows
+    if len(heads) > 1:
+        keys["header_rows"] = Guess(len(heads), "rows of texts above the numbers")
+    above = [lines[k] for k in range(begin) if lines[k].lstrip().startswith(COMMENTS)]
+    named = bool(above) and len(_cells(above[-1].lstrip("#!/ "), delimiter)) == width > 1
+    if not heads and not named:
+        names = [f"column {k}" for k in range(1, width + 1)]
+        keys["header"] = Guess(
+            names, "the file has no headers; replace them by what the columns hold", check=True
+        )
+    if delimiter == WHITESPACE and not known:
+        keys["delimiter"] = Guess(WHITESPACE, "fields are separated by blanks")
+    return keys
+
+
+def _first_lines(text: str) -> list[str]:
+    end = 0
+    for _ in range(_LINES):
+        end = text.find("\n", end) + 1
+        if not end:
+            return text.splitlines()
+    return text[:end].splitlines()
+
+
+def _delimiter(lines: Sequence[str]) -> str:
+    """Delimiter that gives all lines equal numbers of fields; the comma last, because it may be a decimal mark."""
+    for one in (";", "\t", "|", ","):
+        counts = {line.count(one) for line in lines}
+        if len(counts) == 1 and counts != {0}:
+            return one
+    return max(DELIMITERS, key=lines[-1].count) if any(d in lines[-1] for d in DELIMITERS) else WHITESPACE
+
+
+def _cells(line: str, delimiter: str) -> list[str]:
+    parts = line.split() if delimiter == WHITESPACE else line.split(delimiter)
+    return [cell.strip().strip('"') for cell in parts]

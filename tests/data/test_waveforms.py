@@ -1,0 +1,48 @@
+"""Sampled waves of a table; those of COMTRADE records and text files are in tests.data.readers.test_comtrade."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import errorscreen as es
+from errorscreen.data import from_frame, read_csv
+from errorscreen.exceptions import InputError
+from tests.data.readers.test_comtrade import AFTER, BASES, BEFORE, TIME, check, waves
+
+WAVEFORMS = {
+    "voltage": ["VA", "VB", "VC"],
+    "current": ["IA", "IB", "IC"],
+    "voltage_unit": "kV",
+    "current_unit": "kA",
+}
+
+
+def test_waves_of_a_table():
+    frame = pd.DataFrame({"time": TIME, **waves(TIME)})
+    check(from_frame(frame, None, time="time", waveforms=WAVEFORMS, **BASES))
+    check(es.read(frame, waveforms=WAVEFORMS, **BASES))
+
+
+def test_sign_and_further_channels_of_a_text_file(tmp_path):
+    path = tmp_path / "waves.csv"
+    pd.DataFrame({"time": TIME, **waves(TIME), "Efd": 2.0 + TIME}).to_csv(path, index=False)
+    columns = {
+        "P": {"column": "P", "unit": "MW", "sign": "load"},
+        "V2": {"column": "V2", "unit": "kV"},
+        "Efd": "Efd",
+        "raw": {"column": "VA", "unit": "kV"},
+    }
+    recording = read_csv(path, columns, waveforms=WAVEFORMS, **BASES)
+    t = recording.time
+    assert recording.channel("P").values[[0, -1]] == pytest.approx([-BEFORE[2], -AFTER[2]], abs=1e-3)
+    assert recording.channel("Q").values[[0, -1]] == pytest.approx([BEFORE[3], AFTER[3]], abs=1e-3)
+    away = np.abs(t - 0.4) > 0.03
+    assert np.abs(recording.channel("V2").values[away]).max() < 0.02
+    assert recording.channel("Efd").values == pytest.approx(2.0 + t)
+    assert np.abs(recording.channel("raw").values[away]).max() < 0.1, "the mean of a period"
+
+
+def test_stamps_that_do_not_increase_are_refused():
+    frame = pd.DataFrame({"time": np.round(TIME, 2), **waves(TIME)})
+    with pytest.raises(InputError, match="time does not increase with each sample"):
+        es.read(frame, waveforms=WAVEFORMS, **BASES)
