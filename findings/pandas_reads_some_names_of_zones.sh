@@ -11,7 +11,12 @@ python3 -m venv "$folder/venv"
 "$folder/venv/bin/python" - <<'PYTHON'
 import pandas as pd
 
+found = {}
 for zone in ("EST", "CST", "MST", "PST", "UTC"):
     text = pd.Series([f"2026-05-03 10:00:00 {zone}"])
-    print(zone, pd.to_datetime(text, format="%Y-%m-%d %H:%M:%S %Z", utc=True, errors="coerce")[0])
+    found[zone] = pd.to_datetime(text, format="%Y-%m-%d %H:%M:%S %Z", utc=True, errors="coerce")[0]
+    print(zone, found[zone])
+assert (found["EST"].hour, found["MST"].hour, found["UTC"].hour) == (15, 17, 10), found
+assert pd.isna(found["CST"]) and pd.isna(found["PST"]), found
+print("as described: EST and MST are read, CST and PST are gaps")
 PYTHON

@@ -152,6 +152,9 @@ class RecordingSection(Section):
     t_end: Instant = setting(None, "last instant of the file that is used, in s or as a date")
     shift: dict[str, float] = setting({}, "seconds added to the time stamps of a channel")
     noise: dict[str, Positive] = setting({}, "known noise of a channel, in pu, rad or Hz")
+    level: dict[str, float] = setting(
+        {}, "values before the event, in pu, rad or Hz, of a recording that begins in it: V, P, Q, perhaps f"
+    )
     held: Literal["drop", "keep"] = setting("drop", "stale repeats of a slow meter")
     on_backward: Literal["error", "sort", "drop"] = setting("error", "where time runs backwards")
     on_duplicate: Literal["mean", "last", "keep-step"] = setting(

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen.data import signals
-from errorscreen.exceptions import DataWarning, InputError
+from errorscreen.exceptions import DataWarning, InputError, check_real
 
 _Array = NDArray[np.float64]
 #: In pu: a smaller move is no event.
@@ -19,6 +19,10 @@ LEAST_MOVE = 0.002
 _LATE = 2
 #: Least number of samples after the start of the event; fewer are no response.
 MIN_AFTER = 5
+#: s of a recording that are used before and after its event where it is long, and s that count as long
+_BEFORE, _AFTER, _LONG = 10.0, 30.0, 60.0
+#: Samples of a stated level before a recording that begins in its event.
+_STATED = 20
 
 
 def in_window(time: _Array, start: float | None, stop: float | None, where: str) -> NDArray[np.bool_]:
@@ -33,14 +37,28 @@ def in_window(time: _Array, start: float | None, stop: float | None, where: str)
 
 
 def find_event(
-    time: _Array, values: Mapping[str, _Array], stated: float | None, notes: list[str], where: str
+    time: _Array,
+    values: Mapping[str, _Array],
+    event_time: float | None,
+    notes: list[str],
+    where: str,
+    stated: bool = False,
 ) -> float:
-    """Return the stated event time, or detect it from V, P and Q, or from all channels without these."""
-    if stated is not None:
-        if not time[0] < stated <= time[-1]:
+    """Return the event time, or detect it from V, P and Q, or from all channels without these.
+    With a stated level before it, it is the first instant.
+    """
+    if stated and event_time is not None:
+        remedy = (
+            "Leave event_time out: with a stated level, the event begins at t_start, or at the first reading"
+        )
+        raise InputError("level and event_time are given", where=where, allowed="one of them", remedy=remedy)
+    if stated:
+        return float(time[0])
+    if event_time is not None:
+        if not time[0] < event_time <= time[-1]:
             allowed = f"{time[0]:g} to {time[-1]:g} s"
-            raise InputError(f"event_time is {stated:g} s", where=where, allowed=allowed)
-        return float(stated)
+            raise InputError(f"event_time is {event_time:g} s", where=where, allowed=allowed)
+        return float(event_time)
     watched = {k: v for k, v in values.items() if k in ("V", "P", "Q")} or values
     start = signals.detect_event(time, watched, least=LEAST_MOVE, where=where)
     notes.append(
@@ -48,6 +66,55 @@ def find_event(
         "quiet band."
     )
     return start
+
+
+def proposed_window(time: _Array, event_time: float) -> tuple[float, float] | None:
+    """First and last instant in seconds that a long recording is best cut to; None for a short one."""
+    if time[-1] - time[0] <= _LONG:
+        return None
+    return max(float(time[0]), event_time - _BEFORE), min(float(time[-1]), event_time + _AFTER)
+
+
+def preceded(
+    time: _Array,
+    values: Mapping[str, _Array],
+    level: Mapping[str, float],
+    f_nominal: float,
+    notes: list[str],
+    where: str,
+) -> tuple[_Array, dict[str, _Array], tuple[float, float]]:
+    """Put a stated level before a recording that begins in its event; returns time, values and that quiet part.
+
+    The frequency is nominal where it is not stated, the angle turns with it, and other channels are gaps.
+    """
+    needed = [name for name in ("V", "P", "Q") if name in values]
+    missing = [name for name in needed if name not in level]
+    unknown = [name for name in level if name not in values]
+    if missing or unknown:
+        found = f"no {missing[0]}" if missing else f"{unknown[0]!r}, which is no channel"
+        raise InputError(
+            f"the stated level holds {found}",
+            where=f"{where}, level",
+            allowed=f"values before the event of {', '.join(needed or values)}",
+        )
+    for name, value in level.items():
+        check_real(value, name, where=f"{where}, level")
+    f = float(level.get("f", f_nominal))
+    before = float(np.median(np.diff(time))) * np.arange(-_STATED, 0)
+    out = {name: np.concatenate([np.full(_STATED, level.get(name, np.nan)), v]) for name, v in values.items()}
+    if "f" in values:
+        out["f"][:_STATED] = f
+    if "angle" in values:
+        known = values["angle"][np.isfinite(values["angle"])]
+        out["angle"][:_STATED] = known[0] + 2 * np.pi * (f - f_nominal) * before
+    told = ", ".join(f"{name} = {value:g}" for name, value in level.items())
+    notes.append(
+        f"The recording has no quiet part: it was taken to begin with the event, at {time[0]:g} s, and the level "
+        f"before it was stated as {told}. Errors of that level are errors of the model."
+    )
+    warnings.warn(f"{where}: {notes[-1]}", DataWarning, stacklevel=3)
+    stamps = np.concatenate([time[0] + before, time])
+    return stamps, out, (float(stamps[0]), float(stamps[_STATED - 1]))
 
 
 def quiet_part(time: _Array, start: float, where: str) -> tuple[float, float]:
@@ -59,7 +126,8 @@ def quiet_part(time: _Array, start: float, where: str) -> tuple[float, float]:
             f"{len(before)} samples lie before the event at {start:g} s",
             where=where,
             allowed=f"at least {signals.MIN_QUIET + guard}",
-            remedy="Use a recording that starts earlier, or correct event_time",
+            remedy="Use a recording that starts earlier, or correct event_time; or set t_start to the event, and state "
+            "the values before it: level",
         )
     return float(before[0]), float(before[-1 - guard])
 
@@ -132,20 +200,24 @@ def channel_noise(
     name: str,
     time: _Array,
     values: _Array,
-    quiet: tuple[float, float],
+    quiet: tuple[float, float] | None,
     known: Mapping[str, float],
-    unit: str,
+    units: Mapping[str, str],
     notes: list[str],
     where: str,
 ) -> float:
-    """Return the known noise of a channel, or estimate it from the quiet part."""
+    """Return the known noise of a channel, or estimate it from the quiet part, or without one from differences."""
     if name in known:
         notes.append(f"The noise of {name} was given as {known[name]:g}.")
         return float(known[name])
+    if quiet is None:
+        noise, note = noise_of_signal(name, time, values, float(time[0]))
+        notes.append(note)
+        return noise
     noise = signals.estimate_noise(time, values, quiet, where=f"{where}, channel {name!r}")
     part = (time >= quiet[0]) & (time <= quiet[1])
     if signals.scatter(time[part], values[part]) < noise:
-        size = f"{noise:.2g} {unit}".rstrip()
+        size = f"{noise:.2g} {units[name]}".rstrip()
         notes.append(
             f"{name} scatters less before the event than it can resolve, "
             f"so its noise was set to its resolution, {size}."

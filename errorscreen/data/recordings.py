@@ -50,6 +50,8 @@ class Recording(Displayed):
         Sentences on assumptions and repairs, for the report.
     steps : tuple of SetPointStep
         Steps of set-points of the plant; give them with ``dataclasses.replace``.
+    stated : bool
+        Whether the quiet part holds a stated level instead of readings.
 
     Raises
     ------
@@ -69,6 +71,7 @@ class Recording(Displayed):
     given: Mapping[str, float] = field(default_factory=dict)
     assumptions: tuple[str, ...] = ()
     steps: tuple[SetPointStep, ...] = ()
+    stated: bool = False
 
     def __post_init__(self) -> None:
         where = f"recording {self.name!r}"
@@ -93,6 +96,7 @@ class Recording(Displayed):
         event_time: float | None = None,
         noise: Mapping[str, float] | None = None,
         given: Mapping[str, float] | None = None,
+        level: Mapping[str, float] | None = None,
         held: str = "drop",
         assumptions: Iterable[str] = (),
     ) -> Recording:
@@ -112,6 +116,9 @@ class Recording(Displayed):
             Detected from V, P and Q by `errorscreen.data.signals.detect_event` where not given.
         noise : mapping of str to float, optional
             Known standard deviations; the others are estimated from the quiet part.
+        level : mapping of str to float, optional
+            Values before the event of V, P and Q, as far as they are channels, and perhaps of f, for a recording that
+            begins in its event.
         held : {"drop", "keep"}
             Treatment of a meter that updates less often than it is read: leave only new readings, or keep the
             repeated ones.
@@ -138,22 +145,25 @@ class Recording(Displayed):
         >>> round(rec.event_time, 3), round(rec.initial(["P"])["P"], 3), round(rec.channel("P").noise, 3)
         (1.017, 0.8, 0.001)
         """
-        where = f"recording {name!r}"
-        noise, given, units, notes = noise or {}, dict(given or {}), units or {}, list(assumptions)
+        where, notes = f"recording {name!r}", list(assumptions)
+        noise, given, units = noise or {}, dict(given or {}), units or {}
         t, arrays = channel_arrays(time, values, noise, given, where)
         if held not in ("drop", "keep"):
             raise unknown_name(str(held), ("drop", "keep"), kind="value of held", where=where)
-        start = preparation.find_event(t, arrays, event_time, notes, where)
+        start = preparation.find_event(t, arrays, event_time, notes, where, stated=bool(level))
         ages = preparation.treat_held(t, arrays, held, notes)
-        quiet = preparation.quiet_part(t, start, where)
         preparation.check_response(t, start, where)
-        preparation.check_rest(t, arrays, start, quiet, notes, where)
-        channels = {}
-        for key, v in arrays.items():
-            unit = ROLE_UNITS.get(key) or units.get(key, "")
-            sigma = preparation.channel_noise(key, t, v, quiet, noise, unit, notes, where)
-            channels[key] = Channel(key, v, unit, sigma, ages.get(key, 0.0))
-        recording = cls(name, t, channels, base_mva, f_nominal, start, quiet, base_kv, given)
+        quiet = None if level else preparation.quiet_part(t, start, where)
+        if quiet:
+            preparation.check_rest(t, arrays, start, quiet, notes, where)
+        named = {key: ROLE_UNITS.get(key) or units.get(key, "") for key in arrays}
+        known = (quiet, noise, named, notes, where)
+        sigma = {key: preparation.channel_noise(key, t, v, *known) for key, v in arrays.items()}
+        if quiet is None:
+            t, arrays, quiet = preparation.preceded(t, arrays, level or {}, f_nominal, notes, where)
+        channels = {k: Channel(k, v, named[k], sigma[k], ages.get(k, 0.0)) for k, v in arrays.items()}
+        bases = (base_mva, f_nominal, start, quiet, base_kv)
+        recording = cls(name, t, channels, *bases, given, stated=bool(level))
         initial = recording.initial(name for name in ("V", "f") if name in channels or name in given)
         notes += warn_implausible(t, arrays, initial, quiet, f_nominal, where)
         return replace(recording, assumptions=tuple(notes))
@@ -329,7 +339,7 @@ class Recording(Displayed):
         if resampling.low_pass_needed(step, resampling.spacing(source, channel.values)):
             notes.append(f"{channel.name} was low-pass filtered before it was sampled every {step:g} s.")
             readings = np.isfinite(values[self._is_quiet(grid)]).sum()
-            if readings >= signals.MIN_QUIET:  # the filter took part of the noise
+            if readings >= signals.MIN_QUIET and not self.stated:  # the filter took part of the noise
                 noise = min(noise, signals.estimate_noise(grid, values, self.quiet))
         return replace(channel, values=values, noise=noise)
 

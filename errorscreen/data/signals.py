@@ -257,7 +257,8 @@ def detect_event(
             f"there is no quiet part: {moving!r} moves from its first reading on",
             where=where,
             allowed=f"at least {MIN_QUIET} readings before the event",
-            remedy="Use a recording that starts before the event, or give event_time",
+            remedy="Use a recording that starts before the event, or give event_time; or state the values before it: "
+            "level",
         )
     raise InputError(
         f"no event was found: {', '.join(channels) or 'no channel'} never leaves its quiet band",

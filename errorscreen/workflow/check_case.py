@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -12,7 +13,9 @@ from errorscreen._runtime.sampling import latin_hypercube
 from errorscreen.cases import Case
 from errorscreen.cases.case_file import examine_case
 from errorscreen.cases.case_models import RecordingSection
+from errorscreen.data.preparation import proposed_window
 from errorscreen.effects import EFFECTS, common_skew, measurement_effects, mva_base
+from errorscreen.events import Playback
 from errorscreen.exceptions import DataWarning, InputError, MissingExtraError, unknown_name
 from errorscreen.learning.regressors import require_network
 from errorscreen.screening import SCREENERS
@@ -42,11 +45,14 @@ class Checked:
         Doubts about readings.
     seconds : (float, float) or None
         Least and most time that is expected of a run; None with problems.
+    advice : tuple of str
+        What would make the run shorter.
     """
 
     problems: tuple[str, ...]
     suspects: tuple[str, ...]
     seconds: tuple[float, float] | None = None
+    advice: tuple[str, ...] = ()
 
     def summary(self) -> str:
         """All of it in words.
@@ -67,7 +73,7 @@ class Checked:
             if most != least:
                 lines[-1] += f" if parameters explain the error, up to {most} if a\ncause is searched"
             lines[-1] += "."
-        return "\n".join(lines)
+        return "\n".join([*lines, *self.advice])
 
 
 def check_case(path: str | os.PathLike[str]) -> Checked:
@@ -111,7 +117,7 @@ def check_case(path: str | os.PathLike[str]) -> Checked:
                 nominal_response(study.simulator, one)
         except InputError as error:
             return Checked((str(error),), tuple(suspects))
-        return Checked((), tuple(suspects), _expected_seconds(study))
+        return Checked((), tuple(suspects), _expected_seconds(study), tuple(_long_recordings(study)))
 
 
 def recording_problems(section: RecordingSection, folder: Path) -> list[str]:
@@ -188,6 +194,18 @@ def _unknown_effects(case: Case) -> list[str]:
         for name in case.discovery.effects or ()
         if name not in known
     ]
+
+
+def _long_recordings(study: Study) -> Iterator[str]:
+    """Windows of recordings that are much longer than their event; events of a grid state their end themselves."""
+    for one in study.observations:
+        window = proposed_window(one.time, one.event.start) if isinstance(one.event, Playback) else None
+        if window is not None:
+            length, part = one.time[-1] - one.time[0], window[1] - window[0]
+            yield (
+                f"{one.event.name} lasts {length:.3g} s. t_start = {window[0]:.6g} and t_end = {window[1]:.6g} would "
+                f"keep the event and make the run about {length / part:.2g} times shorter."
+            )
 
 
 def _expected_seconds(study: Study) -> tuple[float, float]:

@@ -19,16 +19,13 @@ from errorscreen.data.guess_file import FileGuess, guess_file
 from errorscreen.data.guesses import Guess
 from errorscreen.data.phasors import as_phasors
 from errorscreen.data.plausibility import Doubt
+from errorscreen.data.preparation import proposed_window
 from errorscreen.data.recordings import Recording
 from errorscreen.exceptions import DataWarning, InputError
 from errorscreen.models.dyr import DyrFile, read_dyr
 
 #: mark of a guess that the file does not tell
 CHECK = "CHECK: "
-#: s of a recording that are used before and after its event; longer files are cut
-_BEFORE, _AFTER = 10.0, 30.0
-#: s that count as long
-_LONG = 60.0
 
 
 @dataclass(frozen=True)
@@ -177,8 +174,9 @@ def _event(recording: Recording) -> dict[str, Guess]:
     keys = {
         "event_time": Guess(round(float(start), 6), "in s, where V, P or Q first leaves its band of rest")
     }
-    if time[-1] - time[0] > _LONG:
-        first, last = max(float(time[0]), start - _BEFORE), min(float(time[-1]), start + _AFTER)
+    window = proposed_window(time, start)
+    if window is not None:
+        first, last = window
         reason = f"the file is {time[-1] - time[0]:.3g} s long; this is a window around the event"
         keys |= {"t_start": Guess(round(first, 6), reason), "t_end": Guess(round(last, 6), reason)}
     return keys

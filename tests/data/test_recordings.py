@@ -49,6 +49,65 @@ def test_overrides_are_taken():
     assert not any("begin" in sentence for sentence in rec.assumptions)
 
 
+def begun(**options):
+    """The swing, recorded from its first instant on, with a stated level before it."""
+    part = TIME >= 1.0
+    values = {"V": 1.0 - 0.2 * swing(TIME), "P": 0.7 - 0.3 * swing(TIME), "angle": 0.3 * swing(TIME)}
+    noise = 1e-3 * np.random.default_rng(7).normal(size=(3, 300))
+    values = {name: (v + n)[part] for (name, v), n in zip(values.items(), noise, strict=True)}
+    options = {"level": {"V": 1.0, "P": 0.7}, "base_mva": 100, "f_nominal": 60} | options
+    return Recording.from_arrays(TIME[part], values, **options)
+
+
+def test_a_recording_that_begins_in_its_event_goes_on_with_a_stated_level_and_a_warning():
+    with pytest.warns(DataWarning, match="no quiet part.*stated as V = 1, P = 0.7"):
+        rec = begun()
+    assert rec.event_time == 1.0
+    assert rec.quiet[1] < 1.0
+    assert rec.initial(["V", "P"]) == pytest.approx({"V": 1.0, "P": 0.7}, rel=1e-12)
+    assert rec.channel("P").noise == pytest.approx(1e-3, rel=0.3)  # not that of the stated level
+    before = rec.time < 1.0
+    np.testing.assert_array_equal(rec.channel("P").values[before], 0.7)
+    np.testing.assert_allclose(rec.channel("angle").values[before], rec.channel("angle").values[~before][0])
+
+
+@pytest.mark.filterwarnings("ignore::errorscreen.exceptions.DataWarning")
+def test_the_angle_before_the_event_turns_with_the_stated_frequency():
+    values = {"f": 60.1 + 0.1 * swing(TIME, 0.0), "angle": swing(TIME, 0.0)}
+    for level, slope in (({}, 0.0), ({"f": 60.1}, 2 * np.pi * 0.1)):
+        level |= {"P": 0.7}
+        rec = Recording.from_arrays(
+            TIME, {"P": 0.5 + swing(TIME, 0.0), **values}, base_mva=100, f_nominal=60, level=level
+        )
+        before = rec.time < 0
+        angle = rec.channel("angle").values[before]
+        np.testing.assert_allclose(np.diff(angle) / np.diff(rec.time[before]), slope, atol=1e-9)
+        assert rec.channel("f").values[0] == level.get("f", 60.0)
+    with pytest.raises(InputError, match="'f', which is no channel"):
+        begun(level={"V": 1.0, "P": 0.7, "f": 60.1})
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (
+            {"level": {"V": 1.0}},
+            r"level: the stated level holds no P. Allowed: values before the event of V, P",
+        ),
+        ({"level": {"V": 1.0, "P": np.nan}}, "level.*P is nan"),
+        ({"event_time": 1.5}, "level and event_time are given"),
+    ],
+)
+def test_a_level_that_cannot_be_used_is_refused(options, message):
+    with pytest.raises(InputError, match=message):
+        begun(**options)
+
+
+def test_without_a_level_the_message_names_it():
+    with pytest.raises(InputError, match="no quiet part.*or state the values before it: level"):
+        begun(level=None)
+
+
 def test_noise_set_to_the_resolution_is_said():
     rec = make(noise=0.0)
     assert rec.channel("P").noise > 0

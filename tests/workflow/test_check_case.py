@@ -3,6 +3,8 @@
 import shutil
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 
 from errorscreen.cases import load_case
@@ -46,6 +48,19 @@ def test_a_suspect_reading_is_told_apart(folder, capsys):
     assert any("sign of Q" in text for text in found.suspects)
     assert main(["check", str(path)]) == 3
     assert "Suspect reading" in capsys.readouterr().out
+
+
+def test_a_window_of_a_long_recording_is_proposed(folder):
+    table = pd.read_csv(folder / "unit.csv")
+    time = table.columns[0]
+    more = table.iloc[[-1] * 2000].assign(**{time: table[time].iloc[-1] + 0.05 * np.arange(1, 2001)})
+    pd.concat([table, more]).to_csv(folder / "unit.csv", index=False)
+    found = check_case(folder / "case.toml")
+    assert not found.problems
+    (told,) = found.advice
+    assert "t_start = 0 and t_end = 31" in told
+    changed(folder, ("[recording]", "[recording]\nt_end = 31.0"))
+    assert check_case(folder / "case.toml").advice == ()
 
 
 def test_all_wrong_keys_are_told_at_once_and_recordings_beside_them(folder):

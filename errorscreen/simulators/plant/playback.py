@@ -113,6 +113,8 @@ def playback_observation(
             values[r] = source.channels[name].values
             noise[r] = source.channels[name].noise
     values[:, unknown] = np.nan
+    if source.stated:
+        values[:, quiet] = np.nan
     if by_power and "f" in channels and (near := _near_jumps(time, signals)).any():
         values[channels.index("f"), near] = np.nan
         notes.append(
@@ -256,6 +258,8 @@ def _near_jumps(time: NDArray[np.float64], signals: Mapping[str, NDArray[np.floa
 def _scatter(recording: Recording, name: str, quiet: NDArray[np.bool_]) -> float:
     """Noise of P or Q that moves what follows from it: a given noise may cover more than scatter."""
     channel = recording.channels[name]
+    if recording.stated:
+        return float(channel.noise)
     return min(float(channel.noise), scatter(recording.time[quiet], channel.values[quiet]))
 
 

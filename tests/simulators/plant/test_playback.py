@@ -70,6 +70,25 @@ def test_a_fast_recording_is_compared_on_a_coarser_grid_and_its_truth_is_within_
     assert (observed.noise < 0.8 * every.noise).all()  # four readings are averaged
 
 
+@pytest.mark.filterwarnings("ignore::errorscreen.exceptions.DataWarning")
+def test_a_recording_that_begins_with_the_fault_and_states_the_level_before_starts_like_the_whole():
+    whole = recording()
+    part = whole.time >= whole.event_time
+    cut = Recording.from_arrays(
+        whole.time[part],
+        {name: channel.values[part] for name, channel in whole.channels.items()},
+        base_mva=100,
+        f_nominal=60,
+        level=whole.initial(["V", "P", "Q"]),
+    )
+    simulator = PlantSimulator("synchronous_machine", cut)
+    observed = simulator.observe(cut)
+    assert not observed.mask[:, observed.time < 1.0 - 1e-9].any()  # the stated level is not compared
+    assert observed.mask[:, observed.time > 1.0 - 1e-9].all()
+    z = observed.deviations(simulator.simulate(simulator.parameters.nominal).values[0])
+    assert np.mean(z[observed.mask] ** 2) < 1.5
+
+
 def test_frequency_stands_in_for_the_angle():
     def frequency(event):
         return 60.008 + np.gradient(event.signals["angle"], event.time) / (2 * np.pi)
