@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-_NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+#: with quantifiers that give nothing back, because a long cell would be tried in all ways else
+_NUMBER = r"(?:\d++\.?+\d*+|\.\d++)(?:[eE][+-]?+\d++)?+"
 #: real and imaginary part, in brackets or not (Python writes no real part that is zero); magnitude and angle in degrees
 _FORMS = (
     rf"\(?([+-]?{_NUMBER}(?=[+-]))?([+-]?{_NUMBER})[ij]\)?",

@@ -31,6 +31,8 @@ _CODES = frozenset("YymdjbBaAHIMSfpz%")
 _OFFSET = r":\d\d(?:[.,]\d+)?\s*(?:Z|[+-]\d\d(?::?\d\d)?)$"
 #: a zone in words behind a time of day
 _ZONE = re.compile(r"\d\s*([A-Za-z]{2,5}|[A-Za-z]+/[A-Za-z_/]+)$")
+#: letters of a date; patterns would be tried on a longer text for ever
+_LONGEST = 200
 _WEEK = re.compile(r"\d{4}-?W\d\d")
 
 
@@ -68,6 +70,7 @@ def parse_dates(texts: pd.Series, pattern: str | None) -> pd.Series:
     if pd.api.types.is_datetime64_any_dtype(texts):
         return texts if texts.dt.tz is None else texts.dt.tz_convert("UTC")
     plain = texts.astype("string")
+    plain = plain.where(plain.str.len() <= _LONGEST)
     if pattern is None:
         plain = plain.str.replace(r"\s*(UTC|GMT)$", "Z", regex=True)
         plain = plain.str.replace(r"(:\d\d),(\d)", r"\1.\2", regex=True)
@@ -88,6 +91,7 @@ def one_date(text: str, pattern: str | None) -> pd.Timestamp | None:
 
 def no_date(text: str, pattern: str | None, where: str) -> InputError:
     """Error for a text that is no date among others."""
+    text = text[:_LONGEST]
     allowed = ISO if pattern is None else f"the format {pattern!r}"
     if one_date(text, pattern) is not None:
         return InputError(

@@ -16,6 +16,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from errorscreen.data.preparation import LEAST_MOVE
+from errorscreen.data.resampling import check_holes
 from errorscreen.data.signals import detect_event, quantisation_step
 from errorscreen.exceptions import InputError
 
@@ -81,6 +82,11 @@ def find_disturbances(
     list of Disturbance
         In their order. Those smaller than a tenth of the largest one in every channel are left out.
 
+    Raises
+    ------
+    InputError
+        If the record is nearly all holes, as where one stamp lies far from the others.
+
     Examples
     --------
     >>> t = np.arange(0, 60, 0.02)
@@ -108,6 +114,7 @@ def _active(time: _Array, values: _Array, least: float) -> list[tuple[float, flo
     known = np.isfinite(values)
     t, x, origin = time[known], values[known], float(time[0])
     part = max(_SPAN, _LEAST_READINGS * float(np.median(np.diff(t)))) / _PARTS
+    check_holes(time, part, "disturbances")
     bins = ((t - origin) / part).astype(np.int64)
     starts = np.flatnonzero(np.diff(bins, prepend=-1))
     low = np.full(bins[-1] + 1, np.inf)

@@ -89,7 +89,7 @@ def _of_record(path: Path) -> FileGuess:
             waves = trios(known, f"file {path}")
         except InputError as error:
             notes.append(f"{error.what[0].upper()}{error.what[1:]}.")
-    f_nominal = record.frequency or None
+    f_nominal = record.frequency if record.frequency > 0 else None
     if waves is not None:
         found = _of_waves(table, time, waves, guess_frequency({}, f_nominal, step), "")
         found.open += notes[1:]

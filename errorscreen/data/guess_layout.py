@@ -14,6 +14,8 @@ from errorscreen.exceptions import InputError
 
 #: lines that the layout is guessed from
 _LINES = 200
+#: characters of a file from which on no further line is looked at: a file of many columns shows its layout in few
+_CHARACTERS = 1_000_000
 
 
 def text_of(path: Path) -> tuple[str, dict[str, Guess]]:
@@ -71,6 +73,8 @@ def _first_lines(text: str) -> list[str]:
         end = text.find("\n", end) + 1
         if not end:
             return text.splitlines()
+        if end > _CHARACTERS:
+            break
     return text[:end].splitlines()
 
 

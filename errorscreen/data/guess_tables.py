@@ -96,9 +96,9 @@ def _of_lines(text: str, keys: dict[str, Guess], layout: Layout, source: str) ->
     def read(names: Sequence[str] | None, texts: Sequence[str] = ()) -> Table:
         return read_body(Head.of_text(text, layout, source), layout, names, texts)
 
-    names = Head.of_text(text, layout, source).names
-    once = [name for name in names if name and names.count(name) == 1]
-    twice = sorted({name for name in names if name and names.count(name) > 1})
+    times = Counter(filter(None, Head.of_text(text, layout, source).names))
+    once = [name for name, count in times.items() if count == 1]
+    twice = sorted(times.keys() - {*once})
     told = [f"Column {name!r} occurs several times and was left out." for name in twice]
     table = read(once)
     long = _long(table, once, layout.decimal)

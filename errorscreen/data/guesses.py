@@ -12,7 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from errorscreen.data.dates import fitting_formats, parse_dates
-from errorscreen.data.headers import known_unit, role_and_unit
+from errorscreen.data.headers import LONGEST_HEADER, known_unit, role_and_unit
 from errorscreen.data.plausibility import PLAUSIBLE_V
 from errorscreen.data.table import Table
 from errorscreen.data.timestamps import SECONDS, TIME_UNITS, units_of_step
@@ -161,7 +161,7 @@ def guess_channels(
         last = name.split("|")[-1]
         role, unit = role_and_unit(last)
         unit = known_unit(role or "", unit or "") or known_unit(role or "", table.units.get(name, ""))
-        words = {*re.split(r"[^a-z0-9]+", _UNIT_BEHIND.sub("", last).casefold())}
+        words = {*re.split(r"[^a-z0-9]+", _UNIT_BEHIND.sub("", last[:LONGEST_HEADER]).casefold())}
         if role in UNITS:
             found.setdefault(role, []).append((3, name, unit, "its header"))
         elif unit in _BY_UNIT:

@@ -24,6 +24,8 @@ _ALIASES = {
     **{"p.u.": "pu", "PU": "pu", "°": "deg", "degrees": "deg", "degree": "deg", "KV": "kV"},
     **{"MVAR": "Mvar", "KVAR": "kvar", "KW": "kW", "sec": "s", "seconds": "s"},
 }
+#: Letters of a header; a longer text names nothing, and patterns would be tried on it for ever.
+LONGEST_HEADER = 500
 #: A unit in brackets, after "in", a slash or the last underscore.
 _WITH_UNIT = re.compile(
     r"(?P<name>.+?)(?:\s*\[(?P<a>.+)\]|\s*\((?P<b>.+)\)|\s+in\s+(?P<c>\S+)|\s*/\s*(?P<d>\S+)|_(?P<e>[^_]+))"
@@ -82,6 +84,8 @@ def guess_columns(headers: Iterable[str], source: str) -> dict[str, Column]:
 
 def role_and_unit(header: str) -> tuple[str | None, str | None]:
     """Channel, or ``"time"``, and unit that a header names; None for each that it does not."""
+    if len(header) > LONGEST_HEADER:
+        return None, None
     whole = _ROLES.get(_plain(header))
     if whole:
         return whole, None

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen.data.complex_texts import is_complex
+from errorscreen.data.headers import LONGEST_HEADER
 from errorscreen.data.table import Table
 from errorscreen.exceptions import InputError
 
@@ -141,7 +142,8 @@ def _quantity(header: str, letters: Sequence[str], by_unit: bool) -> bool:
 
 
 def _words(header: str) -> set[str]:
-    return {*re.split(r"[^a-z0-9]+", re.sub(r"\s*[\[(].*[\])]$", "", header).casefold())} - {""}
+    name = re.sub(r"\s*[\[(].*[\])]$", "", header[:LONGEST_HEADER])
+    return {*re.split(r"[^a-z0-9]+", name.casefold())} - {""}
 
 
 def _phasors(table: Table, header: str, headers: Sequence[str]) -> tuple[list[Any], str, bool] | None:

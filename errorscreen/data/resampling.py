@@ -14,6 +14,8 @@ SHORT_GAP = 5.0
 COARSE = 2.0
 #: Largest number of instants of a grid and of steps of a simulation; more suggest a wrong unit or step.
 MAX_STEPS = 1_000_000
+#: instants of a grid for each reading; more hold no reading, and might be more than any memory holds
+_MOST_INSTANTS = 20
 
 
 def check_steps(span: float, step: float, where: str) -> None:
@@ -24,6 +26,18 @@ def check_steps(span: float, step: float, where: str) -> None:
             where=where,
             allowed=f"at most {MAX_STEPS:.0e}, here from {span / MAX_STEPS:.3g} s on",
             remedy="Choose a longer step or a shorter window, and check the unit of the time stamps",
+        )
+
+
+def check_holes(time: NDArray[np.float64], step: float, where: str) -> None:
+    """Raise `InputError` if a grid of `step` seconds would be nearly empty, as with a stamp far from the others."""
+    span = float(time[-1] - time[0])
+    if span > step * _MOST_INSTANTS * len(time):
+        raise InputError(
+            f"only {len(time)} samples lie between {time[0]:g} and {time[-1]:g} s",
+            where=where,
+            allowed=f"at least {span / step / _MOST_INSTANTS:.3g} at a step of {step:.3g} s",
+            remedy="Correct or cut the rows whose stamps lie far from the others, or choose a longer step",
         )
 
 
@@ -96,6 +110,7 @@ def interpolate(
     source, signal = t, x
     if low_pass_needed(step, distance):
         fine = step / np.ceil(step / distance)
+        check_holes(t, fine, "low-pass filter")
         source = t[0] + fine * np.arange(int(np.ceil((t[-1] - t[0]) / fine)) + 1)
         signal = gaussian_filter1d(np.interp(source, t, x), 0.5 * step / fine, mode="nearest")
     out = np.interp(grid, source, signal)

@@ -58,6 +58,11 @@ _AS_PHASORS = (
 )
 
 
+def _shown(text: str) -> str:
+    """A cell in quotation marks, and the beginning of a long one."""
+    return repr(text if len(text) <= 80 else f"{text[:80]}…")
+
+
 @dataclass(frozen=True)
 class Table:
     """Columns by header, and the number of each row in its source; `source` and `row_word` are for messages, `units`
@@ -114,14 +119,14 @@ class Table:
             kinds = text.iloc[wrong].unique()
             more = f" ({len(wrong)} such cells)" if len(wrong) > 1 else ""
             if len(kinds) > 1:
-                more = f", nor are {listed(map(repr, kinds[1:]))} ({len(wrong)} such cells)"
+                more = f", nor are {listed(map(_shown, kinds[1:]))} ({len(wrong)} such cells)"
             remedy = remedy or "Correct the cells, or add their texts to missing if they mark gaps"
             if re.fullmatch(r"[+-]?\d+,\d+([eE][+-]?\d+)?", found):
                 remedy = "Give decimal=',' for numbers with a decimal comma"
             if is_complex(found):
                 remedy = _AS_PHASORS
             raise InputError(
-                f"{found!r} is {'a phasor' if is_complex(found) else 'not a number'}{more}",
+                f"{_shown(found)} is {'a phasor' if is_complex(found) else 'not a number'}{more}",
                 where=self.place(int(wrong[0]), header),
                 allowed="numbers with a decimal point, or a usual mark of a gap such as an empty cell, NaN or 'bad'",
                 remedy=remedy,

@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from errorscreen.data.resampling import check_holes
 from errorscreen.data.sequences import (
     Phasor,
     check_voltages,
@@ -45,6 +46,8 @@ _Array = NDArray[np.float64]
 METHODS = ("cycle", "P", "M")
 #: least number of samples in a nominal period
 _LEAST_SAMPLES = 6
+#: a step longer than this part of a nominal period is a hole: fewer samples tell no wave
+_HOLE = 0.25
 #: half length of the window of class M in periods, and its cut-off in multiples of 1/T
 _M_HALF, _M_CUTOFF = 4.0, 0.14
 #: Hz; more is a jump of the angle, not a frequency
@@ -212,6 +215,7 @@ def phasors(
         )
     half = {"cycle": 0.5, "P": 1.0, "M": _M_HALF}[spec.method] * period
     rate = 2.0 * f_nominal if spec.rate is None else spec.rate
+    check_holes(time, 1.0 / rate, where)
     at = np.arange(time[0] + half, time[-1] - half + 1e-9, 1.0 / rate)
     if len(at) < 2:
         raise InputError(
@@ -268,8 +272,10 @@ def _windowed(values: NDArray[Any], time: _Array, at: _Array, method: str, perio
         shifts = np.linspace(-half, half, 321)
         weights = _m_weights(shifts / period)
         found = sum(w * spline(at + s) for w, s in zip(weights, shifts, strict=True))
-    gaps = time[~known]
-    inside = np.searchsorted(gaps, at + half, side="right") > np.searchsorted(gaps, at - half)
+    hole = np.diff(time) > _HOLE * period
+    begins = np.sort(np.concatenate([time[~known], time[:-1][hole]]))
+    ends = np.sort(np.concatenate([time[~known], time[1:][hole]]))
+    inside = np.searchsorted(begins, at + half, side="right") > np.searchsorted(ends, at - half)
     return np.where(inside, np.nan, found)
 
 

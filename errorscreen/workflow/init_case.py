@@ -93,10 +93,10 @@ def init_case(
     doubts = [] if recording is None else [t for t in recording.assumptions if isinstance(t, Doubt)]
     device = list(_device(out, found, model, dyr))
     lines = [
-        f"# Written by errorscreen init from {path.name}. The reason of each guess stands behind it.",
+        f"# Written by errorscreen init from {_plain(path.name)}. The reason of each guess stands behind it.",
         f"# {CHECK.strip()} marks what the file does not tell. All keys: errorscreen keys",
-        *(f"# Doubt: {text}" for text in doubts),
-        *(f"# Open: {text}" for text in found.open),
+        *(f"# Doubt: {_plain(text)}" for text in doubts),
+        *(f"# Open: {_plain(text)}" for text in found.open),
         f"title = {_toml(path.stem)}",
         "",
         *_recording(out, path, found),
@@ -183,9 +183,12 @@ def _event(recording: Recording) -> dict[str, Guess]:
 
 
 def _others(out: Path, recording: Recording) -> list[str]:
-    """Sentence on the disturbances of a recording, where there are several."""
+    """Sentence on the disturbances of a recording, where there are several, or where they cannot be told."""
     channels = {name: channel.values for name, channel in recording.channels.items()}
-    found = find_disturbances(recording.time, channels)
+    try:
+        found = find_disturbances(recording.time, channels)
+    except InputError as error:
+        return [f"Further disturbances were not looked for: {error.what}. {error.remedy}."]
     if len(found) < 2:
         return []
     at = ", ".join(f"{one.time:.6g}" for one in found)
@@ -263,8 +266,13 @@ def _relative(path: Path, out: Path) -> str:
 
 
 def _line(key: str, guess: Guess) -> str:
-    reason = " ".join(f"{CHECK if guess.check else ''}{guess.reason}".split())
+    reason = _plain(f"{CHECK if guess.check else ''}{guess.reason}")
     return f"{key} = {_toml(guess.value)}  # {reason}"
+
+
+def _plain(text: str) -> str:
+    """Text of a comment: in one line, and without what TOML does not allow there."""
+    return " ".join("".join(one if one.isprintable() else " " for one in text).split())
 
 
 def _toml(value: Any) -> str:
@@ -275,4 +283,6 @@ def _toml(value: Any) -> str:
         return f"{{ {', '.join(f'{key} = {_toml(one)}' for key, one in value.items() if one is not None)} }}"
     if isinstance(value, list):
         return f"[{', '.join(map(_toml, value))}]"
-    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)
+    if isinstance(value, str):  # only of the last control character JSON has no escape
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return repr(value)

@@ -1,5 +1,6 @@
 """Every kind of unusable recording, with the message that it must give."""
 
+import contextlib
 import re
 
 import numpy as np
@@ -7,6 +8,7 @@ import pandas as pd
 import pytest
 
 from errorscreen.data import Column, from_frame, read_csv
+from errorscreen.data.guess_file import guess_file
 from errorscreen.exceptions import InputError
 
 ROWS = [
@@ -114,6 +116,11 @@ FILES = {
         edited(3, '0.05,"1.0,40') + "\n" + 20000 * "3.00,0.9,30\n",
         {},
         "cannot be split into fields: field larger than field limit (131072). Look for a quotation mark",
+    ),
+    "line ends of an old Macintosh": (
+        b"\r".join(GOOD.encode().splitlines()),
+        {},
+        r"the line 'time,V,P\r0.00,1.000,40.00\r0.05,1.000,40.' cannot be split into fields: new-line character",
     ),
     "all readings missing": (
         column_of(lambda k: "NaN"),
@@ -266,7 +273,7 @@ FILES = {
 @pytest.mark.parametrize(("text", "changes", "message"), FILES.values(), ids=FILES.keys())
 def test_unusable_files_are_explained(tmp_path, text, changes, message):
     path = tmp_path / "rec.csv"
-    path.write_text(text)
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
     options = {
         "columns": {"V": "V", "P": Column("P", unit="MW")},
         "base_mva": 50.0,
@@ -302,6 +309,22 @@ def test_files_that_cannot_be_read(tmp_path):
         read_csv(tmp_path, {"P": "P"}, **bases)
     with pytest.raises(InputError, match=r"byte 9 is not utf-8-sig text\. Give encoding='latin-1'"):
         read_csv(tmp_path / "rec.csv", {"P": "P"}, **bases)
+
+
+@pytest.mark.parametrize("text", ["(" * 40000, "1" + " " * 40000 + "x", "+1" * 20000])
+@pytest.mark.parametrize("place", ["header", "reading", "time stamp"])
+def test_long_texts_take_no_longer_than_their_length(tmp_path, text, place):
+    """Patterns would be tried on them in all ways, for minutes."""
+    lines = GOOD.splitlines()
+    cells = {"header": f"time,{text},P", "reading": f"0.00,{text},40", "time stamp": f"{text},1.0,40"}
+    lines[place != "header"] = cells[place]
+    path = tmp_path / "rec.csv"
+    path.write_text("\n".join(lines))
+    for unit in ("s", "iso"):
+        with pytest.raises(InputError):
+            read_csv(path, {"V": "V"}, base_mva=50, f_nominal=50, time_unit=unit)
+    with contextlib.suppress(InputError):
+        guess_file(path)
 
 
 def test_tables_name_their_rows():

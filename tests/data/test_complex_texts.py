@@ -47,6 +47,13 @@ def test_any_text_is_read_or_not(text):
     assert is_complex(text) or np.isnan(complex_of(pd.Series([text]))).all()
 
 
+@pytest.mark.parametrize("text", ["1" * 10**6, "1." * 10**5, "+1" * 10**5, "1e" * 10**5, "1@" * 10**5])
+def test_a_long_text_takes_no_longer_than_its_length(text):
+    """Tried in all ways, each of them would take hours."""
+    assert not is_complex(text)
+    assert np.isnan(complex_of(pd.Series([text]))).all()
+
+
 def test_complex_marks_of_a_gap():
     texts = pd.Series(["nan+nanj", "(nan+0j)", "NaN", "(nan+nanj)", "1+2j"])
     assert is_no_reading(texts).tolist() == [True, False, True, True, False]

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from errorscreen.data.disturbances import REST, find_disturbances
+from errorscreen.exceptions import InputError
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 TIME = np.arange(0, 120, 0.02)
@@ -110,6 +111,12 @@ def test_gaps_and_irregular_samples_are_no_disturbances():
     P[(time > 20) & (time < 28)] = np.nan
     keep = (time < 70) | (time > 90)
     assert instants({"P": P[keep]}, time[keep]) == pytest.approx([50.0], abs=0.1)
+
+
+def test_a_record_that_is_nearly_all_holes_is_refused():
+    t = np.r_[np.arange(400) * 0.02, 9e10]
+    with pytest.raises(InputError, match=r"only 401 samples lie between 0 and 9e\+10 s.*far from the others"):
+        find_disturbances(t, {"P": np.where(t < 1, 0.8, 0.5)})
 
 
 @pytest.mark.parametrize("length", [2, 30])

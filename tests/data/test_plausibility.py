@@ -56,6 +56,30 @@ def test_time_in_another_unit_is_named(factor, unit):
     assert f"time_unit = '{unit}' (0.02 s)" in found
 
 
+def test_a_frequency_in_mhz_is_named_by_its_angle():
+    """Its level is that of 50 Hz, and only its moves are too large."""
+    moves = SWING - SWING[0]
+    angle = 2 * np.pi * np.concatenate([[0.0], np.cumsum(0.5 * (moves[1:] + moves[:-1]) * 0.02)])
+    (found,), _ = doubts(angle=angle, f=50 + 1e3 * moves)
+    assert "with the frequency in mHz (unit = 'mHz' or 'mHz deviation') it does" in found
+
+
+@pytest.mark.parametrize(("samples", "doubted"), [(0.009, 1), (0.011, 0), (950.0, 0), (1050.0, 1)])
+def test_limits_of_the_sampling(samples, doubted):
+    found, _ = doubts(time=TIME / samples)  # TIME has a sample in each period
+    assert len(found) == doubted
+
+
+@pytest.mark.parametrize(("V", "doubted"), [(0.49, 1), (0.51, 0), (1.3, 0), (1.51, 1)])
+def test_limits_of_the_voltage(V, doubted):
+    assert len(doubts(V=V * DIP)[0]) == doubted
+
+
+@pytest.mark.parametrize(("f", "doubted"), [(47.0, 1), (48.0, 0), (52.0, 0), (53.0, 1)])
+def test_limits_of_the_frequency(f, doubted):
+    assert len(doubts(f=f + SWING)[0]) == doubted
+
+
 @pytest.mark.parametrize(
     ("sign", "unit", "told"),
     [
@@ -111,6 +135,9 @@ def test_rows_of_zeros_are_taken_for_lost_frames():
     assert found.startswith("3 rows, the first at 4 s, hold exactly 0 in V, P")
     V[200:], P[200:] = 0.0, 0.0
     assert doubts(V=V, P=P)[0] == [], "a unit that trips stays at zero"
+    f = 50 + SWING
+    f[lost] = 0.0
+    assert any(one.startswith("3 rows, the first at 4 s, hold exactly 0 in f") for one in doubts(f=f)[0])
 
 
 def test_degrees_without_their_unit_show_in_the_jumps_of_the_angle():

@@ -17,6 +17,17 @@ def test_a_straight_line_survives_any_fine_grid(slope, offset, step):
     )
 
 
+def test_irregular_samples_are_interpolated_linearly():
+    time, values = np.array([0.0, 1.0, 1.5, 3.0, 4.0]), np.array([0.0, 2.0, 2.0, 5.0, 1.0])
+    assert interpolate(time, values, np.array([0.5, 1.2, 2.25, 3.5])).tolist() == [1.0, 2.0, 3.5, 3.0]
+
+
+def test_readings_that_are_nearly_all_holes_are_not_filtered():
+    time = np.r_[TIME, 1e8]
+    with pytest.raises(InputError, match=r"only 101 samples lie between 0 and 1e\+08 s.*a longer step"):
+        interpolate(time, time, np.arange(10) * 0.1)
+
+
 def test_a_grid_that_no_memory_could_hold_is_refused():
     assert len(uniform_grid(0.0, 6.0, 6e-6)) == 1_000_001
     with pytest.raises(InputError, match=r"6 s in steps of 1e-09 s are 6e\+09 steps.*at most 1e\+06"):

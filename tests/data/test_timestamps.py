@@ -107,10 +107,19 @@ def test_units_of_time(unit, number):
     assert _read([0.0, number], unit=unit)[0] == pytest.approx([0, 90.0])
 
 
-def test_serial_dates_count_from_the_first():
-    seconds, notes, _, _ = _read([45415.5, 45415.500001], unit="d")
-    assert seconds == pytest.approx([0, 0.0864], abs=1e-6)
-    assert notes == ["Time 0 is t = 45415.5 d."]
+@pytest.mark.parametrize(
+    ("unit", "first", "second", "apart"),
+    [
+        ("d", 45415.5, 45415.500001, 0.0864),
+        ("ns", 1.7778024e18, 1.7778024e18 + 2e7, 0.02),
+        ("ticks", 6.39e17, 6.39e17 + 2e5, 0.02),
+    ],
+)
+def test_serial_dates_count_from_the_first(unit, first, second, apart):
+    seconds, notes, _, _ = _read([first, second], unit=unit)
+    resolved = np.spacing(first) * {"d": 86400, "ns": 1e-9, "ticks": 1e-7}[unit]  # of a double of this size
+    assert seconds == pytest.approx([0, apart], abs=resolved)
+    assert notes == [f"Time 0 is t = {first:.12g} {unit}."]
 
 
 def test_dates_count_from_the_first():

@@ -46,3 +46,20 @@ def test_stamps_that_do_not_increase_are_refused():
     frame = pd.DataFrame({"time": np.round(TIME, 2), **waves(TIME)})
     with pytest.raises(InputError, match="time does not increase with each sample"):
         es.read(frame, waveforms=WAVEFORMS, **BASES)
+
+
+def test_a_hole_in_the_samples_is_a_gap():
+    keep = (TIME < 0.5) | (TIME >= 0.6)
+    frame = pd.DataFrame({"time": TIME, **waves(TIME)})[keep]
+    recording = from_frame(frame, None, time="time", waveforms=WAVEFORMS, **BASES)
+    t, V = recording.time, recording.channel("V").values
+    assert np.isnan(V[(t > 0.491) & (t < 0.609)]).all()
+    assert V[((t > 0.421) & (t < 0.479)) | (t > 0.621)] == pytest.approx(AFTER[0], abs=1e-3)
+
+
+def test_a_stamp_far_from_the_others_is_refused():
+    frame = pd.DataFrame({"time": np.r_[TIME, 9e9], **waves(np.r_[TIME, 1.0])})
+    with pytest.raises(
+        InputError, match=r"only 1281 samples lie between 0 and 9e\+09 s.*far from the others"
+    ):
+        from_frame(frame, None, time="time", waveforms=WAVEFORMS, **BASES)

@@ -37,6 +37,13 @@ def test_a_wrong_reading_is_named(recording, factors, told):
     assert found.startswith(told)
 
 
+def test_the_sign_of_P_alone_is_named_beside_that_of_the_angle(recording):
+    """Both turn the current against the voltage, so neither explains less than the other."""
+    plant = PlantSimulator("synchronous_machine", recording)
+    (found,) = better_readings(plant, read_wrongly(recording, P=-1.0))
+    assert "the other sign of P (scale = -1)" in found
+
+
 def test_interchanged_powers_are_named(recording):
     plant = PlantSimulator("synchronous_machine", recording)
     P, Q = recording.channel("P"), recording.channel("Q")

@@ -157,6 +157,17 @@ def test_a_long_file_is_cut_to_a_window_around_the_event(tmp_path):
     assert case.recording.event_time == pytest.approx(100.0, abs=0.11)
 
 
+def test_a_stamp_far_from_the_others_leaves_a_case_around_the_event(tmp_path):
+    V, _, P, Q = VALUES.values()
+    time = [f"{t:.2f}" for t in [*TIME[:-1], 9e10]]
+    written, _, recording, _ = initiated(write(tmp_path, ["time", "V", "P", "Q"], [V, P, Q], time=time))
+    assert not written.missing
+    assert any(
+        "disturbances were not looked for: only 200 samples lie between 0" in one for one in written.check
+    )
+    assert recording.time[-1] == pytest.approx(TIME[-2])
+
+
 def test_one_unit_of_a_model_file_is_taken_and_of_several_none_is_guessed(tmp_path):
     shutil.copy(DYR / "unit.csv", tmp_path)
     one, two = tmp_path / "one.dyr", tmp_path / "two.dyr"
@@ -220,6 +231,15 @@ def test_existing_files_stay_and_unreadable_ones_are_refused(tmp_path, capsys, m
         assert main(["init", name, "--out", "new.toml"]) == 2, name
         assert "errorscreen:" in capsys.readouterr().err
         assert not (tmp_path / "new.toml").exists()
+
+
+def test_control_characters_in_names_stay_out_of_the_comments(tmp_path):
+    V, _, P, Q = VALUES.values()
+    path = write(tmp_path, ["time", "V", "P", "Q\x7f [Mvar]"], [V, P, Q], name="a\nb = 1\x01.csv")
+    written = init_case(path, out=tmp_path / "case.toml")
+    assert not written.missing
+    case = load_case(written.case)
+    assert (case.recording.path, case.recording.columns["Q"].column) == (path.name, "Q\x7f [Mvar]")
 
 
 def test_no_warning_is_left_to_be_read_on_the_terminal(tmp_path, recwarn):

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any
@@ -178,7 +179,7 @@ def parquet(path: str, found: Found) -> None:
     with pq.ParquetFile(path) as file:
         _schema(file, found)
         names = file.schema_arrow.names
-        wanted = [name for name in names if names.count(name) == 1]
+        wanted = [name for name, times in Counter(names).items() if times == 1]
         found.reserve(file.metadata.num_rows * len(wanted) * 8)
         table = file.read(columns=wanted, use_threads=False)
     for name in wanted:

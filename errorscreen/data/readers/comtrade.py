@@ -7,6 +7,7 @@ mark of a gap in FLOAT32; each would have to be read a second time.
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -32,6 +33,8 @@ _SECTION = re.compile(rb"^--- *file type: *([A-Z]+)(?: +([A-Z0-9]+))?(?:: *(\d+)
 _COUNTS = re.compile(rb"^\s*\d+\s*,\s*\d+\s*A\s*,\s*\d+\s*D", re.IGNORECASE)
 #: types of the values of analogue channels in binary data
 _BINARY = {"BINARY": "<i2", "BINARY32": "<i4", "FLOAT32": "<f4"}
+#: more samples than any file that is read can hold
+_MOST_SAMPLES = 1e10
 #: stamp that is missing
 _NO_STAMP = 0xFFFFFFFF
 
@@ -186,9 +189,10 @@ class _Lines:
         """Cells as numbers; an empty one is zero."""
         try:
             found = [kind(cell or 0) for cell in cells]
-        except ValueError as error:
+            finite = all(map(math.isfinite, found))
+        except (ValueError, OverflowError) as error:
             raise InputError(f"{', '.join(cells)!r} are no numbers", where=self.where) from error
-        if not np.isfinite(found).all():
+        if not finite:
             raise InputError(f"{', '.join(cells)!r} are not finite", where=self.where)
         return found
 
@@ -196,9 +200,9 @@ class _Lines:
 def _configuration(content: bytes, source: str) -> _Configuration:
     lines = _Lines(content, source)
     first = lines.cells()
-    revision = int(first[2]) if len(first) > 2 and first[2].isdigit() else 1991
+    revision = int(first[2]) if len(first) > 2 and re.fullmatch(r"\d{4}", first[2]) else 1991
     counts = lines.cells()
-    match = [re.fullmatch(r"(\d+)\s*([AD])", cell, re.IGNORECASE) for cell in counts[1:3]]
+    match = [re.fullmatch(r"(\d{1,6})\s*([AD])", cell, re.IGNORECASE) for cell in counts[1:3]]
     if len(match) < 2 or not all(match):
         raise InputError(
             f"{','.join(counts)!r} does not state the numbers of channels",
@@ -215,10 +219,14 @@ def _configuration(content: bytes, source: str) -> _Configuration:
     (n_rates,) = lines.numbers(lines.cells()[:1], int)
     rates = []
     for _ in range(max(1, n_rates)):
-        rate, last = lines.numbers(lines.cells()[:2])
+        cells = lines.cells()
+        if len(cells) < 2:
+            raise InputError("a rate lacks its last sample", where=lines.where, allowed="as '1600,3200'")
+        rate, last = lines.numbers(cells[:2])
+        if rate < 0 or not 1 <= last <= _MOST_SAMPLES:
+            allowed = f"a rate of at least 0 and a last sample from 1 to {_MOST_SAMPLES:g}"
+            raise InputError(f"{','.join(cells[:2])!r} is no rate", where=lines.where, allowed=allowed)
         rates.append((rate, int(last)))
-    if any(rate < 0 or last < 1 for rate, last in rates):
-        raise InputError("a rate or a number of samples is not positive", where=lines.where)
     start, trigger = (" ".join(lines.cells()) for _ in range(2))
     kind = lines.cells()[0].upper() or "ASCII"
     if kind not in ("ASCII", *_BINARY):

@@ -199,16 +199,17 @@ def read_table(
 def read_body(head: Head, layout: Layout, only: Iterable[str] | None, texts: Iterable[str]) -> Table:
     """As `read_table`, below a head, which is used up."""
     wanted = list(dict.fromkeys(head.names if only is None else only))
+    times = Counter(head.names)
     for name in wanted:
-        if head.names.count(name) > 1:
+        if times[name] > 1:
             raise InputError(
-                f"column {name!r} occurs {head.names.count(name)} times in the header",
+                f"column {name!r} occurs {times[name]} times in the header",
                 where=head.source,
                 allowed="a name of its own for each column",
                 remedy="Give header_rows = 2 where two rows name the columns, or header, a name for each column",
             )
     for name in wanted:
-        if name not in head.names:
+        if name not in times:
             raise unknown_name(name, dict.fromkeys(head.names), kind="column", where=head.source)
     found = _read_fast(head, wanted, layout, {*texts}) or _read_rows(head, wanted)
     if not len(found.rows):
@@ -226,7 +227,8 @@ def _read_fast(head: Head, wanted: Sequence[str], layout: Layout, texts: set[str
     if not _even(data, head.delimiter, len(head.names)):
         return None
     head.body = ""  # a large file is held once
-    places = [head.names.index(name) for name in wanted]
+    place_of = {name: place for place, name in enumerate(head.names)}
+    places = [place_of[name] for name in wanted]
     frame = pd.read_csv(
         io.BytesIO(data), sep=head.delimiter, decimal=layout.decimal, header=None, usecols=places, quoting=3,
         skip_blank_lines=False, skipinitialspace=True, low_memory=False,
@@ -258,7 +260,8 @@ def _even(data: bytes, delimiter: str, width: int) -> bool:
 def _read_rows(head: Head, wanted: Sequence[str]) -> Table:
     """The table line by line, with a message for the line that does not fit."""
     rows, numbers = [], []
-    places = [head.names.index(name) for name in wanted]
+    place_of = {name: place for place, name in enumerate(head.names)}
+    places = [place_of[name] for name in wanted]
     for line, row in _rows(head):
         if any(cell.strip() for cell in row):
             fitting = _fitting(row, head.names, f"{head.source}, line {line}", head.delimiter)

@@ -18,6 +18,9 @@ from errorscreen.data.readers.text import check_file, check_size
 from errorscreen.data.recordings import Recording
 from errorscreen.exceptions import InputError, MissingExtraError, unknown_name
 
+#: rows of a sheet
+_ROWS = 1_048_576
+
 
 def read_excel(
     path: str | os.PathLike[str],
@@ -113,7 +116,11 @@ def _text(path: Path, sheet: str | None) -> tuple[str, list[str]]:
 def _lines(sheet: Any, where: str) -> str:
     text = io.StringIO()
     writer = csv.writer(text, delimiter="\t", lineterminator="\n")
-    for row in sheet.iter_rows(values_only=True):
+    for number, row in enumerate(sheet.iter_rows(values_only=True), start=1):
+        if (
+            number > _ROWS
+        ):  # rows that the file lacks are given as empty ones, up to any number that it states
+            raise InputError("a row has a number beyond the last one", where=where, allowed=f"1 to {_ROWS}")
         writer.writerow([_cell(value) for value in row])
         check_size(text.tell(), f"{where}, as text")
     return text.getvalue()

@@ -74,7 +74,7 @@ class Head:
         if not text.strip():
             raise InputError("is empty", where=source, allowed="a header row and rows of numbers")
         lines = _Lines(text)
-        for _ in range(layout.skip_rows):
+        for _ in range(min(layout.skip_rows, len(text))):
             lines.take()
         stated, comment = None, ""
         while (line := lines.next()) is not None and (
@@ -95,11 +95,13 @@ class Head:
             )
         if layout.header is not None:
             return cls(source, [str(one) for one in layout.header], delimiter, {}, lines.rest, lines.number)
-        first, above = _split(line, delimiter), _split(comment.lstrip("#!/ "), delimiter)
+        first, above = (_split(one, delimiter, source) for one in (line, comment.lstrip("#!/ ")))
         numeric = all(is_number(cell, layout.decimal) for cell in first if cell)
         if numeric and len(above) == len(first) > 1:
             return cls(source, above, delimiter, {}, lines.rest, lines.number)
-        rows = [_split(lines.take() or "", delimiter) for _ in range(layout.header_rows)]
+        rows = [
+            _split(lines.take() or "", delimiter, source) for _ in range(min(layout.header_rows, len(text)))
+        ]
         width = max(map(len, rows))
         padded = [[*row, *[""] * (width - len(row))] for row in rows]
         names = ["|".join(cell for cell in cells if cell) for cells in zip(*padded, strict=True)]
@@ -111,7 +113,7 @@ class Head:
                 remedy='Give header, for example header = ["time", "V", "P"], or skip_rows',
             )
         units: dict[str, str] = {}
-        below = _split(lines.next() or "", delimiter)
+        below = _split(lines.next() or "", delimiter, source)
         stated_units = [cell for cell in below if cell]
         if len(below) == len(names) and stated_units and all(known_unit("", cell) for cell in stated_units):
             units = dict(zip(names, below, strict=True))
@@ -149,10 +151,19 @@ def _guessed(line: str) -> str:
     return best if best in plain or len(plain.split()) < 2 else WHITESPACE
 
 
-def _split(line: str, delimiter: str) -> list[str]:
+def _split(line: str, delimiter: str, source: str) -> list[str]:
     if delimiter == WHITESPACE:
         return line.split()
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])]
+    try:
+        cells = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+    except csv.Error as error:  # a carriage return within the line, or no end of a quotation
+        raise InputError(
+            f"the line {line[:40]!r} cannot be split into fields: {error}",
+            where=source,
+            allowed="lines that end with a line feed, with or without a carriage return before it",
+            remedy="Save the file as text of Windows or Unix, and look for quotation marks that are not closed",
+        ) from error
+    return [cell.strip() for cell in cells]
 
 
 def is_number(cell: str, decimal: str) -> bool:

@@ -19,7 +19,7 @@ from errorscreen.data.recordings import Recording
 from errorscreen.data.table import Table
 from errorscreen.exceptions import InputError
 
-_CHANNEL = re.compile(r"^\s*PGB\((\d+)\)\s+Output\b(.*)$", re.MULTILINE)
+_CHANNEL = re.compile(r"^\s*PGB\((\d{1,9})\)\s+Output\b(.*)$", re.MULTILINE)
 _FIELD = re.compile(r'(\w+)="([^"]*)"')
 
 
@@ -80,7 +80,7 @@ def _channels(path: Path) -> tuple[list[str], dict[str, str]]:
 def _matches(text: str, path: Path) -> list[re.Match[str]]:
     """Lines of channels; `InputError` where there are none, or two of one number."""
     found = [*_CHANNEL.finditer(text)]
-    if not found or len({int(match[1][:9]) for match in found}) < len(found):
+    if not found or len({int(match[1]) for match in found}) < len(found):
         raise InputError(
             "names no channels, or two with one number",
             where=f"file {path}",

@@ -18,6 +18,9 @@ _OTHER_FORMATS = {
     b"PAR1": ("a Parquet file", "State format = 'parquet'"),
     b"--- file type": ("a COMTRADE file", "State format = 'comtrade'"),
     b"\x1f\x8b": ("compressed by gzip", "Unpack it"),
+    b"BZh91AY&SY": ("compressed by bzip2", "Unpack it"),
+    b"\xfd7zXZ\0": ("compressed by xz", "Unpack it"),
+    b"\x28\xb5\x2f\xfd": ("compressed by Zstandard", "Unpack it"),
     b"#1\ndouble ": ("a file of tables of Modelica", "Cut the table to a file of its own, and give header"),
     b"#1\r\ndouble ": ("a file of tables of Modelica", "Cut the table to a file of its own, and give header"),
 }

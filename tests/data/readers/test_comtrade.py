@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 import errorscreen as es
 from errorscreen.cases import load_case
 from errorscreen.data import read_recording
+from errorscreen.data.guess_file import guess_file
 from errorscreen.data.readers.comtrade import read_comtrade_table
 from errorscreen.exceptions import DataWarning, InputError
 
@@ -141,7 +142,7 @@ def test_every_kind_of_data_gives_the_same_recording(tmp_path, revision, kind):
     check(read_recording(write(tmp_path, waves(TIME), TIME, revision=revision, kind=kind), None, **BASES))
 
 
-@pytest.mark.parametrize("kind", ["ASCII", "BINARY", "FLOAT32"])
+@pytest.mark.parametrize("kind", ["ASCII", "BINARY", "BINARY32", "FLOAT32"])
 def test_one_file_may_hold_all_parts(tmp_path, kind):
     path = write(tmp_path, waves(TIME), TIME, revision=2013, kind=kind, cff=True)
     check(es.read(path, **BASES))
@@ -273,6 +274,12 @@ def test_columns_of_other_formats_are_refused(tmp_path):
             "the data are 'TEXT'.*ASCII, BINARY",
         ),
         (lambda p: p.write_text(p.read_text().replace("1600,", "x,")), "'x, 1280' are no numbers"),
+        (lambda p: p.write_text(p.read_text().replace("1600,1280", "1600")), "a rate lacks its last sample"),
+        (lambda p: p.write_text(p.read_text().replace("1600,1280", "1600,1e300")), "'1600,1e300' is no rate"),
+        (
+            lambda p: p.write_text(p.read_text().replace("\n50\n1\n", f"\n50\n{'9' * 400}\n")),
+            "'9{400}' are no numbers",
+        ),
         (
             lambda p: p.write_text(p.read_text().replace(",kV,", ",bar,")),
             "three voltages of the phases A, B and C",
@@ -284,6 +291,14 @@ def test_unusable_records_are_explained(tmp_path, change, message):
     change(path)
     with pytest.raises(InputError, match=message):
         read_recording(path, None, "comtrade", **BASES)
+
+
+@pytest.mark.parametrize("changes", [(",1999", ",²"), ("\n50\n", "\n-50\n")])
+def test_a_revision_or_a_frequency_that_is_none_does_not_matter(tmp_path, changes):
+    path = write(tmp_path, waves(TIME), TIME)
+    path.write_text(path.read_text().replace(*changes))
+    check(read_recording(path, None, **BASES))
+    assert guess_file(path).keys["f_nominal"].value == 50.0
 
 
 def test_the_data_alone_are_refused_with_the_way_through(tmp_path):

@@ -71,6 +71,21 @@ def test_the_layout_is_recognised(tmp_path, file, options):
     np.testing.assert_allclose(read(write(tmp_path, **file), **options).time, TIME, atol=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("encoding", "options"),
+    [("utf-16", {}), ("utf-16-be", {}), ("utf-8-sig", {}), ("latin-1", {"encoding": "latin-1"})],
+)
+def test_encodings(tmp_path, encoding, options):
+    """With a mark: ``utf-16`` of Python writes one."""
+    path = write(tmp_path)
+    text = ("\ufeff" * (encoding == "utf-16-be")) + path.read_text().replace(" P ", "Leistung Süd")
+    path.write_bytes(text.encode(encoding))
+    rec = read_csv(
+        path, {"P": {"column": "Leistung Süd", "unit": "MW"}}, base_mva=50, f_nominal=50, **options
+    )
+    np.testing.assert_allclose(rec.channel("P").values, np.round(P, 4) / 50, atol=1e-12)
+
+
 def _edited(tmp_path, first, above=""):
     """The file with another first row."""
     path = write(tmp_path)

@@ -42,6 +42,17 @@ def test_sheets_headers_and_units(tmp_path):
     )
 
 
+def test_two_rows_of_headers(tmp_path):
+    path = write(
+        tmp_path / "a.xlsx", [("run", "Plant B", "Plant B"), ("t", "U in kV", "P in MW"), *ROWS], ("x",)
+    )
+    columns = {
+        "V": {"column": "Plant B|U in kV", "unit": "kV"},
+        "P": {"column": "Plant B|P in MW", "unit": "MW"},
+    }
+    check(read_recording(path, columns, time="run|t", header_rows=2, **BASES))
+
+
 def test_dates_and_a_text_among_numbers(tmp_path):
     begin = datetime(2026, 5, 3, 10)
     rows = [(begin + timedelta(seconds=t), v, p) for t, v, p in ROWS]
@@ -49,6 +60,19 @@ def test_dates_and_a_text_among_numbers(tmp_path):
     check(read_recording(path, COLUMNS, time_unit="iso", **BASES))
     path = write(tmp_path / "a.xlsx", [("time", "V", "P"), *ROWS[:9], (9.0, "off", 1.0)], ("x",))
     with pytest.raises(InputError, match="row 11, column 'V': 'off' is not a number"):
+        read_recording(path, COLUMNS, **BASES)
+
+
+def test_a_row_beyond_the_last_one_is_refused(tmp_path):
+    path = write(tmp_path / "a.xlsx", [("time", "V", "P"), *ROWS[:9]], ("x",))
+    with zipfile.ZipFile(path) as archive:
+        parts = {name: archive.read(name) for name in archive.namelist()}
+    sheet = "xl/worksheets/sheet1.xml"
+    parts[sheet] = parts[sheet].replace(b'<row r="10">', b'<row r="1000000000000">')
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, content in parts.items():
+            archive.writestr(name, content)
+    with pytest.raises(InputError, match="a row has a number beyond the last one. Allowed: 1 to 1048576"):
         read_recording(path, COLUMNS, **BASES)
 
 

@@ -59,6 +59,7 @@ def test_a_file_that_ends_early_ends_the_recording(tmp_path):
         ),
         (lambda p: p.with_name("run_02.out").write_text("!\n0 1\n1 x\n"), "holds texts among the numbers"),
         (lambda p: p.with_name("run_02.out").write_text("!\n0 1\n7 1\n"), "its time differs"),
+        (lambda p: p.write_text(INF.replace("(2)", f"({'2' * 5000})")), "hold 2 channels, but 1 are named"),
         (lambda p: [q.unlink() for q in p.parent.glob("*.out")], "the numbers run_01.out are missing"),
     ],
 )

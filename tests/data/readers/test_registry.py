@@ -1,6 +1,10 @@
 """The format of a file is recognised by its content, or stated."""
 
+import bz2
 import codecs
+import gzip
+import lzma
+import os
 import re
 
 import numpy as np
@@ -63,6 +67,15 @@ def test_a_file_of_columns_needs_a_channel(tmp_path):
         ("run.out", b"\x00\x01", "channel output of PSS/E.*xlsout"),
         ("run.outx", b"\x00\x01", "channel output of PSS/E"),
         ("a.h5", b"\x89HDF\r\n\x1a\n\0", "is an HDF5 file.*as CSV"),
+        (
+            "a.xls",
+            b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(40),
+            "spreadsheet of an old version.*as .xlsx or CSV",
+        ),
+        ("a.csv.gz", gzip.compress(TEXT.encode()), "compressed by gzip.*Unpack it"),
+        ("a.csv.bz2", bz2.compress(TEXT.encode()), "compressed by bzip2.*Unpack it"),
+        ("a.csv.xz", lzma.compress(TEXT.encode()), "compressed by xz.*Unpack it"),
+        ("a.csv.zst", b"\x28\xb5\x2f\xfd\x24\xff\xfe", "compressed by Zstandard.*Unpack it"),
         ("table.txt", b"#1\ndouble Table(2,2)\n0 1\n1 1\n", "file of tables of Modelica"),
     ],
 )
@@ -79,3 +92,11 @@ def test_text_of_channels_below_a_title_is_read(tmp_path):
     layout = {"skip_rows": 3, "header": ["time", "P"], "delimiter": "whitespace"}
     recording = read_recording(tmp_path / "run.out", COLUMNS, **layout, **BASES)
     assert recording.channel("P").values[[0, -1]].tolist() == [0.5, 0.4]
+
+
+def test_a_file_above_the_largest_size_is_refused_at_once(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text(TEXT)
+    os.truncate(path, 2**31 + 2**20)  # a hole, which takes no room on the disk
+    with pytest.raises(InputError, match="has 2049 MiB. Allowed: at most 2048 MiB.*cut it"):
+        read_recording(path, COLUMNS, **BASES)
