@@ -53,11 +53,16 @@ for name, height in (("up", 1.0), ("down", -0.6)):
     recordings.append(Recording.from_signals(time, values, name=name, noise={"y": 0.003}, event_time=1.0))
 
 # %%
-# The unit is a function of parameters and event. The simulator wraps it.
+# The unit is a function of parameters and event. The simulator wraps it. Two faults of the measurement are suspected;
+# without their names all that are known would be tried.
 parameters = [Parameter("K", 1.0, 0.5, 2.0), Parameter("T", 1.0, 0.3, 3.0, "s")]
 lag = FMU(unit, parameters=["K", "T"], outputs=["y"], inputs=["u"])
 simulator = CallableSimulator(lag, parameters, recordings, outputs=["y"], inputs=["u"])
-finder = CauseFinder(simulator, n_starts=2, library_size=32, n_draws=16, random_state=0).fit(recordings)
+suspected = ["scale_y", "skew_y"]
+finder = CauseFinder(
+    simulator, suspected, max_effects=1, n_starts=1, library_size=16, n_draws=8, random_state=0
+)
+finder.fit(recordings)
 print(finder.verdict_.text)
 measured = simulator.observe(recordings[0])
 shown = {"recalibrated": finder.recalibrated_simulator_, "clock corrected": finder.extended_simulator_}

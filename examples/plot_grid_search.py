@@ -26,15 +26,15 @@ time = np.arange(0, 3, 1 / 60)
 voltage = np.where((time > 0.5) & (time < 0.65), 0.45, 1.0)
 event = Playback(time, "dip", 0.5, {"V": voltage}, initial={"V": 1.0, "P": 0.7, "Q": 0.15})
 plant = PlantSimulator("pv_plant", event)
-data = generate_dataset(plant, 160, random_state=0).valid()
+data = generate_dataset(plant, 64, random_state=0).valid()
 print(data)
 
 # %%
 # Every step can vary: the wavelet, the content of the image, its width, and the network.
 pipeline = make_pipeline(
-    CWTTransformer(sampling_period=plant.event.dt, n_frequencies=24, n_columns=48),
+    CWTTransformer(sampling_period=plant.event.dt, n_frequencies=16, n_columns=32),
     ChannelScaler(),
-    CNNContributionRegressor((8, 16, 16), 64, max_epochs=12, patience=None, random_state=0),
+    CNNContributionRegressor((8, 16, 16), 64, max_epochs=4, patience=None, random_state=0),
 )
 grid = [
     {"cwttransformer__wavelet": ["cmor2.0-1.0", "mexh"]},

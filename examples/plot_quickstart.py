@@ -22,7 +22,7 @@ before = plant.baseline(measured.event)
 # %%
 # Which parameters carry the error? A network learns the contribution of each parameter from simulated errors.
 data = generate_dataset(plant, 300, random_state=0).valid()
-images = {"cwttransformer__n_frequencies": 32, "cwttransformer__n_columns": 64}
+images = {"cwttransformer__n_frequencies": 16, "cwttransformer__n_columns": 32}
 pipeline = contribution_pipeline(measured.event.dt, random_state=0).set_params(**images)
 screener = ContributionScreener(pipeline, data.names, noise=measured.noise, random_state=0)
 screener.fit(data.errors, data.contributions)

@@ -3,6 +3,7 @@
 import json
 import logging
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -36,11 +37,22 @@ def test_hidden_effects_are_identities_at_strength_zero_and_leave_the_equilibriu
     assert np.abs(at_rest - at_rest[..., :1]).max() < 1e-9
 
 
+#: scenarios that several tests look at
+drawn = cache(draw_plant_scenario)
+
+
+def test_the_same_seed_draws_the_same_scenario():
+    options = {"kind": "measurement", "device": "pv_plant"}
+    hidden, again = drawn(7, 40.0, **options), draw_plant_scenario(7, 40.0, **options)
+    assert hidden.hidden == again.hidden
+    assert np.array_equal(hidden.values, again.values)
+    assert np.array_equal(hidden.recordings[0].values, again.recordings[0].values)
+
+
 @pytest.mark.parametrize("kind", [kind for kind, _ in MIX])
 def test_a_scenario_hides_what_it_says(kind):
-    hidden, again = (draw_plant_scenario(7, 40.0, kind=kind, device="pv_plant") for _ in range(2))
+    hidden = drawn(7, 40.0, kind=kind, device="pv_plant")
     assert hidden.kind == kind
-    assert np.array_equal(hidden.recordings[0].values, again.recordings[0].values)
     assert len(hidden.recordings) == len(hidden.held_out) == len(hidden.truths) == 2
     count = {"nothing": 0, "two effects": 2}.get(kind, 1)
     assert len(hidden.hidden) == count
@@ -64,7 +76,7 @@ def largest(change, observations):
 
 @pytest.mark.parametrize("device", DEVICE_NAMES)
 def test_no_change_that_parameters_make_survives_a_refit(device):
-    hidden, other = (draw_plant_scenario(seed, 40.0, kind="nothing", device=device) for seed in (7, 8))
+    hidden, other = (drawn(seed, 40.0, kind="nothing", device=device) for seed in (7, 8))
     moved = responses_of(hidden, (hidden.theta + other.theta) / 2)  # so far that the model is not linear
     change = [b - a for a, b in zip(responses_of(hidden, hidden.theta), moved, strict=True)]
     assert largest(change, hidden.recordings) > 10
@@ -73,7 +85,7 @@ def test_no_change_that_parameters_make_survives_a_refit(device):
 
 @pytest.mark.parametrize("name", ["Xd", "Xd1", "Tj", "D"])
 def test_what_only_a_value_beyond_its_bound_would_make_survives_a_refit(name):
-    hidden = draw_plant_scenario(7, 40.0, kind="nothing", device="synchronous_machine")
+    hidden = drawn(7, 40.0, kind="nothing", device="synchronous_machine")
     j = hidden.simulator.parameters.index(name)
     bound = hidden.simulator.parameters[name]
     at_bound = hidden.theta.copy()
@@ -89,7 +101,7 @@ def test_what_only_a_value_beyond_its_bound_would_make_survives_a_refit(name):
 
 
 def test_a_change_that_parameters_cannot_make_survives_a_refit():
-    hidden = draw_plant_scenario(7, 40.0, kind="nothing", device="pv_plant")
+    hidden = drawn(7, 40.0, kind="nothing", device="pv_plant")
     change = [5.0 * o.sigma * np.where(np.arange(o.sigma.shape[1]) % 2, 1.0, -1.0) for o in hidden.recordings]
     assert 4.5 < surviving(hidden.simulator, hidden.theta, hidden.recordings, change) < 5.1
 
@@ -100,26 +112,21 @@ def test_an_unknown_kind_is_refused(draw):
         draw(0, 40.0, kind="efect")
 
 
-def test_strengths_are_scaled_to_a_size():
+def test_strengths_are_scaled_to_a_size_and_a_larger_size_needs_a_larger_one():
     options = {"kind": "two effects", "device": "pv_plant"}
     as_drawn = draw_plant_scenario(4, 30.0, **options, least_size=0.0)
-    hidden = draw_plant_scenario(4, 30.0, **options, least_size=0.1, largest_size=0.2)
-    assert as_drawn.size > 0.3
-    assert 0.1 <= hidden.size <= 0.22
-    assert hidden.hidden == as_drawn.hidden
-    assert np.array_equal(hidden.theta, as_drawn.theta)
-    changed = hidden.values != as_drawn.values
-    assert np.count_nonzero(changed) == len(hidden.hidden)  # nothing but strengths
-    assert np.all(np.abs(hidden.values[changed]) < np.abs(as_drawn.values[changed]))
-
-
-def test_a_larger_size_needs_a_larger_strength():
-    options = {"kind": "effect", "device": "pv_plant"}
-    sizes = [(0.2, 0.21), (0.4, 0.42), (0.8, 0.84)]
-    drawn = [draw_plant_scenario(2, 30.0, **options, least_size=a, largest_size=b) for a, b in sizes]
-    strengths = np.abs([d.values[0] for d in drawn])
-    assert np.all(np.diff(strengths) > 0)
-    assert len({d.hidden for d in drawn}) == 1
+    scaled = [
+        draw_plant_scenario(4, 30.0, **options, least_size=low, largest_size=2 * low) for low in (0.05, 0.15)
+    ]
+    assert as_drawn.size > 0.33
+    for hidden, low in zip(scaled, (0.05, 0.15), strict=True):
+        assert low <= hidden.size <= 2.2 * low
+        assert hidden.hidden == as_drawn.hidden
+        assert np.array_equal(hidden.theta, as_drawn.theta)
+    changed = scaled[0].values != as_drawn.values
+    assert np.count_nonzero(changed) == len(as_drawn.hidden)  # nothing but strengths
+    strengths = np.abs([hidden.values[changed] for hidden in (*scaled, as_drawn)])
+    assert np.all(np.diff(strengths, axis=0) > 0)
 
 
 @pytest.mark.parametrize("sizes", [(0.0, 1.0), (1.0, 1.0), (2.0, 1.0)])
@@ -163,10 +170,10 @@ def test_what_cannot_be_recorded_or_simulated_without_the_effect_is_drawn_again(
 
 
 def test_effects_below_the_noise_cannot_be_hidden(monkeypatch):
-    monkeypatch.setattr("errorscreen.bench.trap_scenarios.TRIES", 3)
-    monkeypatch.setattr("errorscreen.bench.scenarios.TRIES", 3)
+    monkeypatch.setattr("errorscreen.bench.trap_scenarios.TRIES", 1)
+    monkeypatch.setattr("errorscreen.bench.scenarios.TRIES", 1)
     with pytest.raises(
-        InputError, match=r"none of 3 effects drawn in the trap 'play' is at least 1e\+09 times"
+        InputError, match=r"none of 1 effects drawn in the trap 'play' is at least 1e\+09 times"
     ):
         draw_trap_scenario(0, 40.0, kind="effect", device="play", least_size=1e9)
 

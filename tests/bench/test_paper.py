@@ -2,11 +2,12 @@
 
 import json
 import logging
+import shutil
 
 import numpy as np
 import pytest
 
-from errorscreen.bench import Effort, effort_of, paper_study
+from errorscreen.bench import Effort, effort_of, paper, paper_study
 from errorscreen.bench.paper import study_screener, summarise
 from errorscreen.bench.paper_draw import CALIBRATED, FIT_EVENTS, RANKINGS, Setting, hidden, step_error
 from errorscreen.bench.paper_output import typical_draw
@@ -14,7 +15,7 @@ from errorscreen.cli import main
 from errorscreen.exceptions import InputError
 
 SMALL = Effort(
-    samples=24, enlarged=16, epochs=1, particles=6, iterations=2, starts=2, library=32, posterior=4
+    samples=24, enlarged=16, epochs=1, particles=4, iterations=1, starts=1, library=32, posterior=4
 )
 
 
@@ -65,28 +66,53 @@ def test_tables_and_figures_are_written(finished):
 
 
 def stored_draw(out, i):
-    return (out / "stages" / "draws" / f"batch-{i:06d}.npz").read_bytes()
+    return out / "stages" / "draws" / f"batch-{i:06d}.npz"
 
 
-def test_finished_draws_are_kept_and_more_can_follow(finished, caplog):
-    out, _ = finished
-    kept = [stored_draw(out, i) for i in range(2)]
+def arrays_of(path):
+    """Arrays of a stored draw but the times, which differ from run to run."""
+    with np.load(path) as content:
+        return {
+            name: content[name] for name in content.files if name not in ("seconds", "errorscreen_header")
+        }
+
+
+def test_a_study_goes_on_where_it_stopped_on_any_number_of_processes(finished, tmp_path, caplog):
+    out = tmp_path / "paper"
+    shutil.copytree(finished[0], out)
+    first, second = (stored_draw(out, i) for i in range(2))
+    kept, lost = first.read_bytes(), arrays_of(second)
+    second.unlink()
     with caplog.at_level(logging.INFO):
-        again = paper_study(out, draws=3, seed=4, noise_db=40.0, effort=SMALL)
-    assert "3 draws, 2 of them finished before" in caplog.text
+        again = paper_study(out, draws=2, seed=4, noise_db=40.0, effort=SMALL, n_jobs=2)
+    assert "2 draws, 1 of them finished before" in caplog.text
+    assert kept == first.read_bytes()
+    found = arrays_of(second)
+    assert len(found) > 10
+    for name, values in lost.items():
+        np.testing.assert_array_equal(found[name], values)
+    for method, entry in finished[1]["methods"].items():
+        for part in ("fit", "held_out"):
+            assert again["methods"][method][part] == entry[part]
+
+
+def test_more_draws_can_follow_but_not_those_of_another_study(finished, monkeypatch):
+    """What a draw finds is the test's: the next one asks for the third only."""
+    out, _ = finished
+    asked = []
+
+    def run_draw(setting, draw, step_errors, cnn):
+        asked.append((draw, len(cnn)))
+        return {**arrays_of(stored_draw(out, 0)), "seconds": np.ones((len(CALIBRATED), 2))}
+
+    monkeypatch.setattr(paper, "run_draw", run_draw)
+    again = paper_study(out, draws=3, seed=4, noise_db=40.0, effort=SMALL)
     assert again["draws"] == 3
-    assert kept == [stored_draw(out, i) for i in range(2)]
+    assert asked == [(2, 40)]
     with pytest.raises(InputError, match="whitend"):
         paper_study(out, draws=2, seed=4, network="whitend", effort=SMALL)
     with pytest.raises(InputError, match="belongs to another run"):
         paper_study(out, draws=2, seed=5, noise_db=40.0, effort=SMALL)
-
-
-def test_the_number_of_processes_does_not_matter(finished, tmp_path):
-    other = paper_study(tmp_path, draws=2, seed=4, noise_db=40.0, effort=SMALL, n_jobs=2)
-    for name, entry in finished[1]["methods"].items():
-        for part in ("fit", "held_out"):
-            assert other["methods"][name][part] == entry[part]
 
 
 def test_a_draw_depends_neither_on_the_others_nor_on_which_events_are_asked_for():

@@ -3,6 +3,8 @@
 import json
 import logging
 import sys
+from functools import partial
+from pathlib import Path
 
 import pytest
 
@@ -16,11 +18,13 @@ from errorscreen.models import DEVICES
 def test_result_and_table(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(timing, "_SHORTEST", 0.003)
     monkeypatch.setattr(speed, "first_use_seconds", lambda device: (2.0, 0.5))
+    monkeypatch.setattr(speed, "BATCHES", (1, 20))
+    monkeypatch.setattr(speed, "cwt_speed", partial(speed.cwt_speed, n_signals=2, n_samples=101))
     assert main(["bench", "speed", "--no-cnn", "--no-labels", "--out", str(tmp_path)]) == 0
     result = json.loads((tmp_path / "result.json").read_text())
     assert set(result["simulations_per_second"]) == set(DEVICES)
     for figures in result["simulations_per_second"].values():
-        assert set(figures) == {"1", "64", "1024"}
+        assert set(figures) == {"1", "20"}
         assert all(value > 0 for value in figures.values())
     assert set(result["threads"]) == {"1", "2"}
     assert set(result["cwt"]) >= {"signals_per_second", "ratio_to_pywt"}
@@ -68,7 +72,21 @@ def test_without_torch_the_rest_is_measured(tmp_path, monkeypatch, caplog):
 
 
 @pytest.mark.slow
-def test_first_use_is_measured_in_new_processes():
+def test_first_use_is_measured_in_new_processes(monkeypatch):
+    """With a cache that the first process fills for the second, which is not started here."""
+    begun, stored = [], []
+
+    def in_new_process(code, ERRORSCREEN_CACHE_DIR):
+        begun.append((code, ERRORSCREEN_CACHE_DIR))
+        if len(begun) == 1:
+            assert not list(Path(ERRORSCREEN_CACHE_DIR).iterdir())
+            return timing.in_new_process(code, ERRORSCREEN_CACHE_DIR=ERRORSCREEN_CACHE_DIR)
+        stored.extend(Path(ERRORSCREEN_CACHE_DIR).rglob("*.nbi"))
+        return "0.5"
+
+    monkeypatch.setattr(speed, "in_new_process", in_new_process)
     compiled, cached = speed.first_use_seconds("pv_plant")
     assert compiled > 0
-    assert cached > 0
+    assert cached == 0.5
+    assert begun[0] == begun[1]
+    assert stored

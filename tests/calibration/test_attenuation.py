@@ -1,5 +1,7 @@
 """The noise of what is injected does not bias a fit."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -23,6 +25,7 @@ def searched(problem, start):
     return search
 
 
+@cache
 def noisy(seed, noise_db=20.0):
     """A machine whose parameters deviate, nothing else, seen through noise."""
     return draw_plant_scenario(seed, noise_db, kind="nothing", device="synchronous_machine")

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from errorscreen.bench.discovery import run_scenario
+from errorscreen.bench.discovery import run_scenario, streams_of
+from errorscreen.bench.grid_scenarios import draw_grid_scenario
 from errorscreen.bench.plant_scenarios import draw_plant_scenario
 from errorscreen.bench.trap_scenarios import draw_trap_scenario
 from errorscreen.calibration.problem import FitProblem
@@ -25,36 +26,69 @@ from tests.plants import plant
 SEED, KINDS = 5, ("nothing", "effect", "two effects", "measurement")
 
 
+def searched(draw, number, kind, every, **options):
+    """A hidden scenario of the study, and its search among what is hidden and each `every`-th effect beside it."""
+    of_hidden, of_search = streams_of(SEED, number)
+    hidden = draw(of_hidden, 40.0, kind=kind)
+    library = [e.name for e in hidden.simulator.effects if e.kind != "latent"]
+    names = list(dict.fromkeys([*(n.partition("@")[0] for n in hidden.effects), *library[::every]]))
+    assert len(names) >= len(hidden.effects) + 2
+    finder = CauseFinder(hidden.simulator, names, random_state=int(of_search.generate_state(1)[0]), **options)
+    finder.fit(list(hidden.recordings))
+    return hidden, finder, _outcome(hidden, finder)
+
+
+def _outcome(hidden, finder):
+    """Whether exactly what is hidden is named."""
+    if finder.verdict_.kind in ("effect", "measurement"):
+        return {e.name for e in finder.best_.effects} == set(hidden.effects)
+    return not hidden.effects and finder.verdict_.kind in ("within-noise", "parameters")
+
+
+def distance_ratio(hidden, finder):
+    """Distance from the true held-out responses, of the extended model over the recalibrated one."""
+
+    def distance(model):
+        errors = [
+            (model.baseline(o.event) - truth) / o.sigma
+            for o, truth in zip(hidden.held_out, hidden.truths, strict=True)
+        ]
+        return np.sqrt(np.mean(np.square(errors)))
+
+    return distance(finder.extended_simulator_) / distance(finder.recalibrated_simulator_)
+
+
 @pytest.mark.slow
 def test_what_is_hidden_is_named_and_nothing_else():
     """Neither another effect, nor parameters alone for an effect, nor an effect where nothing is hidden."""
-    records = {kind: run_scenario("plant", SEED, i, 40.0, 3.0, kind) for i, kind in enumerate(KINDS)}
-    missed = {
-        kind: (r["truth"], r["verdict"], r["named"])
-        for kind, r in records.items()
-        if r["outcome"] != "correct"
-    }
-    assert not missed
+    # one of them out of the whole library
+    record = run_scenario("plant", SEED, KINDS.index("effect"), 40.0, 3.0, "effect")
+    assert record["outcome"] == "correct", (record["truth"], record["verdict"], record["named"])
+    ratios = [record["held_out"]["extended"] / record["held_out"]["recalibrated"]]
+    for number, kind in enumerate(KINDS):
+        if kind != "effect":
+            hidden, finder, right = searched(draw_plant_scenario, number, kind, 6)
+            assert right, (kind, hidden.effects, finder.verdict_.text)
+            ratios += [distance_ratio(hidden, finder)] if hidden.effects else []
     # what is named reproduces other events
-    ratios = [
-        r["held_out"]["extended"] / r["held_out"]["recalibrated"] for r in records.values() if r["named"]
-    ]
     assert np.median(ratios) < 0.2
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["nothing", "effect"])
 def test_in_a_grid_what_is_hidden_is_found_at_its_device_and_nothing_else(kind):
-    record = run_scenario("ieee39", SEED, 0, 40.0, 3.0, kind, max_effects=1)
-    assert record["outcome"] == "correct", (record["truth"], record["verdict"], record["named"])
+    hidden, finder, right = searched(draw_grid_scenario, 0, kind, 12, max_effects=1)
+    assert right, (hidden.effects, finder.verdict_.text)
     if kind == "effect":
-        assert record["named"][0].partition(".")[0] == record["truth"]["device"]
-        assert record["held_out"]["extended"] < 0.1 * record["held_out"]["recalibrated"]
+        assert len({name.partition(".")[0] for name in finder.effects}) > 2
+        assert finder.best_.effects[0].device == hidden.device
+        assert distance_ratio(hidden, finder) < 0.1
 
 
 def test_what_no_library_holds_is_unknown_and_placed():
     hidden = draw_plant_scenario(3, 40.0, kind="outside", device="synchronous_machine")
-    finder = CauseFinder(hidden.simulator, random_state=0).fit(list(hidden.recordings))
+    names = ["exciter", "governor", "oscillation", "lag_P", "offset_Q"]
+    finder = CauseFinder(hidden.simulator, names, random_state=0).fit(list(hidden.recordings))
     assert finder.verdict_.kind == "unknown"
     assert finder.causes_[0].name == "unknown"
     first = finder.input_locations_[0]

@@ -1,5 +1,7 @@
 """Labels of effects, and a network's first look at parameters and effects together."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from sklearn.neighbors import KNeighborsRegressor
@@ -58,10 +60,16 @@ NEIGHBOURS = make_pipeline(
 )
 
 
-@pytest.mark.parametrize(("estimator", "n_samples"), [(NEIGHBOURS, 400), (None, 800)], ids=["own", "network"])
+@cache
+def large():
+    """A machine with a large effect."""
+    return draw_plant_scenario(4, 40.0, kind="effect", device="synchronous_machine", least_size=25.0)
+
+
+@pytest.mark.parametrize(("estimator", "n_samples"), [(NEIGHBOURS, 400), (None, 400)], ids=["own", "network"])
 def test_hidden_effects_are_looked_at_first(estimator, n_samples):
     """In errors that it has not seen, each with one of four effects."""
-    hidden = draw_plant_scenario(4, 40.0, kind="effect", device="synchronous_machine", least_size=25.0)
+    hidden = large()
     recording, names = hidden.recordings[0], ["stabiliser", "exciter", "lag_P", "offset_Q"]
     look = FirstLook(hidden.simulator, names, n_samples=n_samples, estimator=estimator, random_state=0)
     look.fit(recording)
@@ -85,6 +93,5 @@ def test_what_cannot_be_looked_at_is_refused():
         effect_dataset(MACHINE, 10, effects=["volt_var"])
     with pytest.raises(InputError, match="share"):
         effect_dataset(MACHINE, 10, share=1.5)
-    hidden = draw_plant_scenario(2, 40.0, kind="effect", device="synchronous_machine")
     with pytest.raises(InputError, match="2 recordings"):
-        FirstLook(hidden.simulator).fit(list(hidden.recordings))
+        FirstLook(large().simulator).fit(list(large().recordings))

@@ -14,18 +14,26 @@ from errorscreen.workflow.advice import advice
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
-def study_of(name):
+def study_of(name, step=None):
+    """Study of an example, with its step of the integration or a longer one, which its models bear."""
     case = load_case(EXAMPLES / f"{name}.toml")
+    if step is not None:
+        case = case.model_copy(update={"simulation": case.simulation.model_copy(update={"step": step})})
     for section in (case.recording, *case.held_out):
         if not (case.folder / section.path).exists():
             pytest.skip(f"the recording {section.path} is not on this machine")
     return Study.from_case(case)
 
 
+#: the cause, and what is easily confused with it; benchmarks/measured_systems.py searches whole libraries
+REACTIVE = ["volt_var", "lag_reactive", "priority", "scale_Q"]
+
+
 @pytest.mark.slow
 def test_the_droop_of_an_inverter_in_volt_var_mode_is_named_and_both_steps_tell_its_curve():
-    study = study_of("volt_var")
-    finder = CauseFinder(study.simulator, random_state=study.run.random_state).fit(list(study.observations))
+    study = study_of("volt_var", step=0.01)
+    finder = CauseFinder(study.simulator, REACTIVE, max_effects=1, random_state=study.run.random_state)
+    finder.fit(list(study.observations))
     assert finder.verdict_.kind == "effect"
     assert finder.causes_[0].name == "volt_var"
     assert not finder.causes_[0].exact
@@ -45,8 +53,9 @@ def test_the_droop_of_an_inverter_in_volt_var_mode_is_named_and_both_steps_tell_
 @pytest.mark.slow
 def test_the_droop_is_named_by_one_step_too_which_leaves_the_dead_band_open():
     """Of the step up it removes more or less, as chance has it: `confirm` tells that; it is no check of the search."""
-    study = study_of("volt_var")
-    finder = CauseFinder(study.simulator, random_state=study.run.random_state).fit(study.observation)
+    study = study_of("volt_var", step=0.01)
+    finder = CauseFinder(study.simulator, REACTIVE, max_effects=1, random_state=study.run.random_state)
+    finder.fit(study.observation)
     assert finder.causes_[0].name == "volt_var"
     assert not finder.causes_[0].exact
     parameters = finder.causes_[0].values
@@ -59,7 +68,7 @@ def test_the_droop_is_named_by_one_step_too_which_leaves_the_dead_band_open():
 @pytest.mark.slow
 def test_the_trip_of_an_inverter_and_its_return_are_named():
     study = study_of("ride_through")
-    names = ["trip", "cessation", "priority", "volt_var", "lag_active"]
+    names = ["trip", "cessation"]
     finder = CauseFinder(study.simulator, names, max_effects=1, random_state=0).fit(study.observation)
     assert finder.causes_[0].name == "trip"
     parameters = finder.causes_[0].values

@@ -95,10 +95,10 @@ def test_an_extended_model_is_searched_like_any_other(spring, tmp_path):
     """What it has is not tried again, and belongs to no hypothesis, also when the search goes on."""
     model, recording = spring
     model = model.extend("velocity.coulomb(velocity)")
-    whole = finder(model).fit(recording)
+    whole = finder(model, max_effects=1).fit(recording)
     with interrupted_at("other starts"):
-        finder(model, tmp_path).fit(recording)
-    again = finder(model, tmp_path).fit(recording)
+        finder(model, tmp_path, max_effects=1).fit(recording)
+    again = finder(model, tmp_path, max_effects=1).fit(recording)
     assert [h.name for h in again.hypotheses_] == [h.name for h in whole.hypotheses_]
     assert [[e.name for e in h.effects] for h in again.hypotheses_] == [
         [e.name for e in h.effects] for h in whole.hypotheses_
