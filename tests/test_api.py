@@ -97,6 +97,8 @@ def test_the_unit_of_time_is_read_off_its_header(tmp_path):
         ("active power / MW", "P", "MW"),
         ("Q_Mvar", "Q", "Mvar"),
         ("Q (MVAR)", "Q", "Mvar"),
+        ("active_power (MW)", "P", "MW"),
+        ("V_mag[kV]", "V", "kV"),
     ],
 )
 def test_usual_headers_are_understood(header, role, unit):

@@ -23,6 +23,8 @@ from errorscreen.data.guesses import (
     guess_frequency,
     guess_level,
     guess_waveforms,
+    phase_of,
+    rated_kv,
 )
 from errorscreen.data.readers import recognised
 from errorscreen.data.readers.comtrade import read_comtrade_table
@@ -82,7 +84,7 @@ def guess_file(path: Path) -> FileGuess:
 def _of_record(path: Path) -> FileGuess:
     table, time, record, notes = read_comtrade_table(path)
     step = float(np.median(np.diff(time)))
-    known = [(one.name, one.phase, one.unit) for one in record.channels]
+    known = [(one.name, one.phase or phase_of(one.name), one.unit) for one in record.channels]
     waves = None
     if step < 1 / 300:
         try:
@@ -92,6 +94,8 @@ def _of_record(path: Path) -> FileGuess:
     f_nominal = record.frequency if record.frequency > 0 else None
     if waves is not None:
         found = _of_waves(table, time, waves, guess_frequency({}, f_nominal, step), "")
+        rated = next(one.rated for one in record.channels if one.name == waves.voltage[0])
+        found.keys["base_kv"] = rated_kv(found.keys["base_kv"], rated)
         found.open += notes[1:]
         return found
     channels, left = guess_channels(table, [name for name, *_ in known], ".", f_nominal)
@@ -192,7 +196,7 @@ def _bases(channels: dict[str, ChannelGuess], f_nominal: Guess) -> dict[str, Gue
         channels[name].level * MVA.get(channels[name].fields["unit"], 1.0) if name in channels else 0.0
         for name in "PQ"
     )
-    of_P = channels["P"].fields["unit"] if "P" in channels else "pu"
+    of_P = channels["P"].fields["unit"] if "P" in channels else None
     keys["base_mva"] = guess_base_mva(P, Q if np.isfinite(Q) else 0.0, of_P)
     if "V" in channels:
         base, fields = guess_base_kv(channels["V"])

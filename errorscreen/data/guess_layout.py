@@ -45,7 +45,9 @@ def guess_layout(text: str, delimiter: str | None = None) -> dict[str, Guess]:
         decimal = ","
         keys["decimal"] = Guess(",", "as the numbers in the file have it")
     width = len(_cells(tail[-1], delimiter))
-    begin = next((k for k in rows if len(cells[k]) == width), rows[0])
+    # spreadsheets fill a title with delimiters up to the width of the table
+    filled = {k: sum(map(bool, cells[k])) for k in rows}
+    begin = next((k for k in rows if len(cells[k]) == width and (width < 3 or filled[k] > 1)), rows[0])
     numeric = [any(is_number(cell, decimal) for cell in cells[k]) for k in rows if k >= begin]
     n_heads = numeric.index(True) if True in numeric else len(numeric)
     if begin != rows[0]:

@@ -19,7 +19,7 @@ from errorscreen.data.guesses import Guess, guess_stamps
 from errorscreen.data.headers import known_unit
 from errorscreen.data.pandas_tables import INDEX
 from errorscreen.data.readers.csv import read_body
-from errorscreen.data.readers.excel import first_sheet
+from errorscreen.data.readers.excel import sheets
 from errorscreen.data.readers.head import Head, Layout
 from errorscreen.data.readers.long import Long, spread
 from errorscreen.data.readers.matlab import read_matlab_columns
@@ -30,7 +30,10 @@ from errorscreen.data.timestamps import TimeFormat, format_of_time, read_time
 from errorscreen.exceptions import InputError
 
 #: headers of columns with the tag, and with the value, of each reading
-_TAG = re.compile(r"(^|[\W_])(tag|point|signal|channel|variable|item)(name|id)?($|[\W_])", re.IGNORECASE)
+_TAG = re.compile(
+    r"(^|[\W_])(tag|point|signal|channel|variable|item|messstelle|messpunkt|kanal)(name|id)?($|[\W_])",
+    re.IGNORECASE,
+)
 _VALUE = re.compile(r"(^|[\W_])(value|val|reading|wert)($|[\W_])", re.IGNORECASE)
 _STATUS = re.compile(r"(^|\W)(stat|status|quality|flags?|valid)($|\W)", re.IGNORECASE)
 
@@ -82,14 +85,22 @@ def _of_text(path: Path) -> Opened:
 
 
 def _of_workbook(path: Path) -> Opened:
-    text, name, others = first_sheet(path)
-    keys = guess_layout(text, "\t")
-    layout = Layout("\t", **{key: guess.value for key, guess in keys.items()})
-    if others:
-        keys["sheet"] = Guess(name, f"the first one; others: {', '.join(map(repr, others))}", check=True)
-    found = _of_lines(text, keys, layout, f"file {path}")
-    found.table = replace(found.table, row_word="row")
-    return found
+    """The first sheet with a table that has time stamps."""
+    error: InputError | None = None
+    for name, text, others in sheets(path):
+        keys = guess_layout(text, "\t")
+        layout = Layout("\t", **{key: guess.value for key, guess in keys.items()})
+        if others:
+            reason = f"the first one with time stamps; others: {', '.join(map(repr, others))}"
+            keys["sheet"] = Guess(name, reason, check=True)
+        try:
+            found = _of_lines(text, keys, layout, f"file {path}")
+        except InputError as none:
+            error = error or none
+            continue
+        found.table = replace(found.table, row_word="row")
+        return found
+    raise error or InputError("holds no sheet with cells", where=f"file {path}")
 
 
 def _of_lines(text: str, keys: dict[str, Guess], layout: Layout, source: str) -> Opened:

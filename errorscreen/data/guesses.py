@@ -26,27 +26,38 @@ _ERAS = {"d": (2e4, 1e5), "ticks": (5e17, 8e17)}
 _TIME_BASES = (1e3, 1e4, 1e5, 1e6, 2.0**24, 1e7, 1e9)
 #: usual nominal voltages in kV, line to line
 LEVELS = (
-    0.4, 0.48, 0.69, 1, 3.3, 4.16, 6, 6.6, 10, 11, 12.47, 13.2, 13.8, 15, 16, 16.5, 18, 20, 21, 22, 24, 25, 27, 30, 33,
-    34.5, 45, 63, 66, 69, 90, 110, 115, 132, 138, 150, 161, 220, 230, 275, 287, 330, 345, 380, 400, 500, 735, 765,
+    0.4, 0.48, 0.69, 1, 3.3, 4.16, 6, 6.3, 6.6, 10, 10.5, 11, 12.47, 13.2, 13.8, 15, 15.75, 16, 16.5, 18, 20, 21, 22,
+    24, 25, 27, 30, 33, 34.5, 45, 63, 66, 69, 90, 110, 115, 132, 138, 150, 161, 220, 230, 275, 287, 330, 345, 380,
+    400, 500, 735, 765,
 )  # fmt: skip
 #: relative distance from a level, and from a level divided by √3, at which a voltage still belongs to it
 _NEAR, _NEAR_NEUTRAL = 0.07, 0.03
+#: relative difference of V in pu that does not matter
+_SAME = 0.02
+#: relative distance of another level that is as usual for a machine in service, and of the rating of a transformer
+_ALSO, _NEAR_RATED = 0.05, 0.1
 #: words in headers that stand for a channel; the angle comes first, because "voltage angle" is one
 _WORDS = {
-    "angle": {"ang", "angle", "phi", "phiu", "phiu1", "theta", "uphase"},
-    "f": {"f", "freq", "frequency", "fehz", "hz"},
-    "P": {"p", "pg", "pgen", "pelec", "psum", "pgenpu", "mw", "active"},
-    "Q": {"q", "qg", "qgen", "qelec", "qsum", "qgenpu", "mvar", "reactive"},
+    "angle": {"ang", "angle", "phi", "phiu", "phiu1", "theta", "uphase", "winkel"},
+    "f": {"f", "freq", "frequency", "frequenz", "fehz", "hz"},
+    "P": {"p", "pg", "pe", "pgen", "pelec", "psum", "pgenpu", "mw", "active", "wirkleistung"},
+    "Q": {"q", "qg", "qe", "qgen", "qelec", "qsum", "qgenpu", "mvar", "reactive", "blindleistung"},
     "V": {
         "v", "u", "u1", "v1", "vt", "ut", "vm", "um", "upu", "vmag", "umag", "volt", "voltage", "vterm", "eterm", "kv",
+        "vrms", "urms", "spannung", "klemmenspannung",
     },
 }  # fmt: skip
 #: units that only one channel has
 _BY_UNIT = {"V": "V", "kV": "V", "deg": "angle", "rad": "angle", "Hz": "f", "mHz": "f"} | {
     unit: "PQ"["var" in unit.casefold()] for unit in UNITS["P"] if unit not in ("pu", "VA", "kVA", "MVA")
 }
+#: words in headers of the excitation, whose V and A are not those of the terminal
+_EXCITATION = {"field", "exciter", "excitation", "efd", "vfd", "ufd", "ifd", "erregung", "erreger"}
+_NEUTRAL = re.compile(r"(?<![a-z0-9])(ln|l-n|phn|ph-n|line[ _-]to[ _-]neutral)(?![a-z0-9])", re.IGNORECASE)
 _UNIT_BEHIND = re.compile(r"(\s+in\s+\S+|\s*[\[(].*[\])])$")
-_PHASE = re.compile(r"(?P<kind>[vui])[ _]?(?P<phase>a|b|c|ab|bc|ca|l1|l2|l3)(?:$|[^a-z0-9])", re.IGNORECASE)
+_PHASE = re.compile(
+    r"(?P<kind>[vui])[ _]?(?P<phase>a|b|c|ab|bc|ca|l1|l2|l3|r|s|t|y)(?:$|[^a-z0-9])", re.IGNORECASE
+)
 
 
 @dataclass(frozen=True)
@@ -162,6 +173,8 @@ def guess_channels(
         role, unit = role_and_unit(last)
         unit = known_unit(role or "", unit or "") or known_unit(role or "", table.units.get(name, ""))
         words = {*re.split(r"[^a-z0-9]+", _UNIT_BEHIND.sub("", last[:LONGEST_HEADER]).casefold())}
+        if words & _EXCITATION:
+            continue
         if role in UNITS:
             found.setdefault(role, []).append((3, name, unit, "its header"))
         elif unit in _BY_UNIT:
@@ -188,6 +201,8 @@ def guess_channels(
         if unit is None:
             unit, level, sure = _unit_by_level(role, numbers, channels, f_nominal)
             reason, check = f"{reason}; {level}", check or not sure
+        if role == "angle" and re.search(r"delta|rotor", name, re.IGNORECASE):
+            reason, check = f"{reason}; the angle of the voltage is meant, not that of the rotor", True
         channels[role] = ChannelGuess({"column": name, "unit": unit}, reason, numbers, check)
     return channels, open_
 
@@ -245,11 +260,13 @@ def guess_base_kv(V: ChannelGuess) -> tuple[Guess | None, dict[str, Any]]:
     if V.fields["unit"] == "pu":
         return None, {}
     level = abs(V.level) * {"V": 1e-3, "kV": 1.0}[V.fields["unit"]]
-    return guess_level(level, "V is")
+    if _NEUTRAL.search(V.fields["column"]):
+        return guess_level(np.sqrt(3) * level, "V from line to line is")[0], {"line_neutral": True}
+    return guess_level(level, "V is", either=True)
 
 
-def guess_level(kv: float, what: str) -> tuple[Guess, dict[str, Any]]:
-    """Nominal voltage nearest to one in kV, and whether that was from line to neutral."""
+def guess_level(kv: float, what: str, *, either: bool = False) -> tuple[Guess, dict[str, Any]]:
+    """Nominal voltage nearest to one in kV, and whether that was from line to neutral, which it may be if `either`."""
 
     def nearest(value: float) -> tuple[float, float]:
         best = min(LEVELS, key=lambda one: abs(np.log(value / one)))
@@ -259,19 +276,35 @@ def guess_level(kv: float, what: str) -> tuple[Guess, dict[str, Any]]:
         return Guess(1.0, f"{what} {kv:.4g} kV: no level to guess from", check=True), {}
     best, apart = nearest(kv)
     neutral, apart_neutral = nearest(np.sqrt(3) * kv)
+    if either and apart <= _NEAR and apart_neutral < _NEAR_NEUTRAL:
+        others = f"; or {neutral:g} kV, if V is from line to neutral (line_neutral = true)"
+        if abs(np.sqrt(3) * best / neutral - 1.0) > _SAME:
+            return Guess(best, f"{what} {kv:.4g} kV: the nearest usual level{others}", check=True), {}
     if apart > _NEAR and apart_neutral < _NEAR_NEUTRAL:
         return Guess(neutral, f"{what} {kv:.4g} kV: {neutral:g}/√3, the nearest usual level"), {
             "line_neutral": True
         }
     if apart > _NEAR:
         return Guess(float(f"{kv:.3g}"), f"{what} {kv:.4g} kV, near no usual level", check=True), {}
-    return Guess(
-        best, f"{what} {kv:.4g} kV before the event: the nearest usual level", check=apart > 0.02
-    ), {}
+    also = [f"{one:g}" for one in LEVELS if one != best and abs(kv / one - 1.0) < _ALSO]
+    reason = f"{what} {kv:.4g} kV before the event: the nearest usual level"
+    if also:
+        reason += f", but {' and '.join(also)} kV is usual, too"
+    return Guess(best, reason, check=apart > 0.02 or bool(also)), {}
+
+
+def rated_kv(level: Guess, rated: float) -> Guess:
+    """Base voltage by the rated primary voltage of a transformer in kV or V, if it is near the level; else as it is."""
+    for kv in (rated, 1e-3 * rated):
+        if abs(kv / level.value - 1.0) < _NEAR_RATED:
+            return Guess(kv, "rated primary voltage of the transformers, as the record states it")
+    return level
 
 
 def guess_base_mva(P: float, Q: float, unit: str | None) -> Guess:
-    """Base in MVA from P and Q before the event in MW and Mvar; of pu it stays open."""
+    """Base in MVA from P and Q before the event in MW and Mvar; of pu, and without P, it stays open."""
+    if unit is None:
+        return Guess(100.0, "rating of the machine; P was not found, so nothing tells it", check=True)
     if unit == "pu":
         return Guess(
             100.0,
@@ -285,13 +318,24 @@ def guess_base_mva(P: float, Q: float, unit: str | None) -> Guess:
     )
 
 
+def phase_of(name: str) -> str:
+    """Phase that the name of a channel states; empty without one.
+
+    >>> phase_of("VB"), phase_of("i_l2"), phase_of("P")
+    ('B', 'B', '')
+    """
+    match = _PHASE.match(name.strip())
+    phase = match["phase"].upper() if match else ""
+    return {"L1": "A", "L2": "B", "L3": "C"}.get(phase, phase)
+
+
 def guess_waveforms(
     table: Table, names: Sequence[str], step: float, decimal: str
 ) -> tuple[list[tuple[str, str, str]], bool]:
     """Channels (name, phase, unit) that look like sampled waves of three phases, and whether a unit was assumed."""
     found, assumed = [], False
     for name in names:
-        match = _PHASE.match(name.strip())
+        phase, match = phase_of(name), _PHASE.match(name.strip())
         if not match or step > 1 / 300:
             continue
         numbers = table.numbers(name, decimal=decimal)
@@ -305,6 +349,5 @@ def guess_waveforms(
         most = float(np.nanmax(np.abs(numbers)))
         unit = stated[0] if stated else allowed[most < (50.0 if of_current else 1000.0)]
         assumed |= not stated
-        phase = match["phase"].upper()
-        found.append((name, {"L1": "A", "L2": "B", "L3": "C"}.get(phase, phase), unit))
+        found.append((name, phase, unit))
     return found, assumed

@@ -28,7 +28,8 @@ _ALIASES = {
 LONGEST_HEADER = 500
 #: A unit in brackets, after "in", a slash or the last underscore.
 _WITH_UNIT = re.compile(
-    r"(?P<name>.+?)(?:\s*\[(?P<a>.+)\]|\s*\((?P<b>.+)\)|\s+in\s+(?P<c>\S+)|\s*/\s*(?P<d>\S+)|_(?P<e>[^_]+))"
+    r"(?P<name>.+?)(?:\s*\[(?P<a>.+)\]|\s*\((?P<b>.+)\)|\s+in\s+(?P<c>\S+)|\s*/\s*(?P<d>[^\s()\[\]]+)"
+    r"|_(?P<e>[^_()\[\]]+))"
 )
 
 

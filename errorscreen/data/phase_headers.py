@@ -16,8 +16,13 @@ from errorscreen.exceptions import InputError
 
 _Array = NDArray[np.float64]
 #: marks of three phases, or of the voltages between them
-PHASES = (("a", "b", "c"), ("ab", "bc", "ca"), ("l1", "l2", "l3"), ("r", "s", "t"))
+PHASES = (("a", "b", "c"), ("ab", "bc", "ca"), ("l1", "l2", "l3"), ("r", "s", "t"), ("r", "y", "b"))
 _MARK = r"(?<![a-z0-9])(?:[vui]|ph|phase)?({})(?![a-z0-9])"
+#: letter of a quantity in front of a phase or of the positive sequence
+_LETTER = re.compile(
+    rf"(?<![a-z0-9])([vui])_?(?:{'|'.join(mark for marks in PHASES for mark in marks)}|1|pos)(?![a-z0-9])",
+    re.IGNORECASE,
+)
 #: words for the parts of a phasor
 _WORDS = {
     "angle": {"ang", "angle", "phase", "phi", "deg", "rad"},
@@ -137,7 +142,8 @@ def _quantity(header: str, letters: Sequence[str], by_unit: bool) -> bool:
     words = _words(header)
     if not words or words & (_WORDS["angle"] | _WORDS["imag"]):
         return False
-    first = re.sub(r"[^a-z]", "", header.casefold())[:1]
+    named = _LETTER.findall(header)  # behind the name of a station, which may begin with any letter
+    first = named[-1].casefold() if named else re.sub(r"[^a-z]", "", header.casefold())[:1]
     return by_unit or first in letters
 
 

@@ -156,7 +156,13 @@ def trios(channels: Sequence[tuple[str, str, str]], source: str) -> Waveforms:
         of_kind = [(name, phase) for name, phase, unit in channels if unit in units]
         names[kind] = {phase: name for name, phase in of_kind}
         phases = [phase for _, phase in of_kind]
-        for wanted in (("A", "B", "C"), ("AB", "BC", "CA"), ("L1", "L2", "L3"), ("R", "S", "T")):
+        for wanted in (
+            ("A", "B", "C"),
+            ("AB", "BC", "CA"),
+            ("L1", "L2", "L3"),
+            ("R", "S", "T"),
+            ("R", "Y", "B"),
+        ):
             if sorted(p for p in phases if p in wanted) == sorted(wanted):
                 names[kind] = {phase: names[kind][phase] for phase in wanted}
                 break

@@ -37,7 +37,7 @@ REMEDIES = {
     Status.DIVERGED: "the response left the plausible range or became NaN: reduce the step, narrow the parameter "
     "bounds, or check the units of the recording",
     Status.NO_EQUILIBRIUM: "no steady state exists for the recorded pre-event values: check the sign and base "
-    "of P and Q, or the limits of the device",
+    "of P and Q, or the limits of the device; if only some samples fail, their parameters do not allow these values",
     Status.FAILED: "the program raised an error or returned values that are not finite, or open branches left an "
     "island: call it with these parameters by itself, and narrow the bounds where it does not work",
 }

@@ -203,6 +203,8 @@ def _recording(out: Path, path: Path, found: FileGuess) -> Iterator[str]:
     yield f"path = {_toml(relative)}  # relative to this file"
     for key, guess in found.keys.items():
         yield _line(key, guess)
+    if "V" in _missing(found) and "base_kv" not in found.keys:
+        yield "# base_kv = 20.0  # STATE: nominal voltage from line to line, where V is in V or kV"
     if "event_time" not in found.keys:
         yield "# event_time = 1.0  # STATE: start of the event in s; it was not found"
     if found.waveforms is not None:

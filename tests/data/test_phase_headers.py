@@ -74,6 +74,7 @@ def test_the_other_phases_of_a_file_are_looked_at(tmp_path):
     [
         ("Ub [kV]", ["Ua [kV]", "Uc [kV]"], ["Ua [kV]", "Ub [kV]", "Uc [kV]"]),
         ("BUS7.V_L1", ["BUS7.V_L2", "BUS7.V_L3"], ["BUS7.V_L1", "BUS7.V_L2", "BUS7.V_L3"]),
+        ("VB", ["VR", "VY"], ["VR", "VY", "VB"]),
         ("VBC", ["VAB", "VCA"], ["VAB", "VBC", "VCA"]),
         ("Voltage A", ["Voltage B", "Voltage C"], ["Voltage A", "Voltage B", "Voltage C"]),
         ("V1", ["V2", "V0"], []),
@@ -101,6 +102,16 @@ def test_phasors_are_known_by_their_headers():
         "voltage": [[f"V{p}_mag", f"V{p}_ang"] for p in "ABC"],
         "current": [[f"I{p}_Mag", f"I{p}_Ang"] for p in "ABC"],
     }
+
+
+def test_the_name_of_a_station_stands_in_front():
+    """The first letter of the station says nothing, also where it looks like a channel."""
+    for station in ("COLUMBIA_G4", "U1", "INDUS"):
+        names = [f"{station}_{q}{p}_{part}" for p in "ABC" for q in "IV" for part in ("MAG", "ANG")]
+        assert guessed(names) == {
+            "voltage": [[f"{station}_V{p}_MAG", f"{station}_V{p}_ANG"] for p in "ABC"],
+            "current": [[f"{station}_I{p}_MAG", f"{station}_I{p}_ANG"] for p in "ABC"],
+        }
 
 
 def test_other_spellings():

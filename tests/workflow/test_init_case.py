@@ -210,6 +210,8 @@ def test_what_cannot_be_guessed_is_a_line_to_state(tmp_path):
     )
     assert '# P = { column = "…", unit = "MW" }  # STATE' in written.case.read_text()
     assert any("state recording.columns.V" in text for text in written.missing)
+    assert "# base_kv = 20.0  # STATE" in written.case.read_text()
+    assert any("P was not found, so nothing tells it" in text for text in written.check)
     with pytest.raises(InputError, match="no column is mapped"):
         load_case(written.case).load_recording()
 
@@ -286,7 +288,7 @@ def test_a_workbook(tmp_path):
     assert not written.missing
     check(recording)
     assert (case.recording.sheet, case.recording.base_kv) == ("readings", 20.0)
-    assert "CHECK: the first one; others: 'cover'" in text
+    assert "CHECK: the first one with time stamps; others: 'cover'" in text
 
 
 def test_a_matlab_file(tmp_path):

@@ -41,13 +41,17 @@ _NO_STAMP = 0xFFFFFFFF
 
 @dataclass(frozen=True)
 class _Channel:
-    """Analogue channel: name, phase and unit, and the factors from stored numbers to primary values."""
+    """Analogue channel: name, phase and unit, and the factors from stored numbers to primary values.
+
+    `rated` is the primary value of its transformer, 0 where the record lacks it.
+    """
 
     name: str
     phase: str
     unit: str
     factor: float
     offset: float
+    rated: float
 
 
 @dataclass(frozen=True)
@@ -260,12 +264,12 @@ def _channel(lines: _Lines, revision: int) -> _Channel:
     name = ",".join(lines.line.split(",")[1 : 2 + surplus]).strip()
     cells = [cells[0], name, *cells[2 + surplus :]]
     factor, offset = lines.numbers(cells[5:7])
+    primary, secondary = lines.numbers(cells[10:12]) if width == 13 else (0.0, 0.0)
     if width == 13 and cells[12].upper() == "S":
-        primary, secondary = lines.numbers(cells[10:12])
         ratio = primary / secondary if primary > 0 and secondary > 0 else 1.0
         factor, offset = factor * ratio, offset * ratio
     unit = known_unit("", cells[4]) or cells[4]
-    return _Channel(cells[1], cells[2].upper(), unit, factor, offset)
+    return _Channel(cells[1], cells[2].upper(), unit, factor, offset, primary)
 
 
 def _samples(data: bytes, found: _Configuration, source: str) -> tuple[_Array, _Array, list[_Array]]:

@@ -6,6 +6,7 @@ import csv
 import io
 import os
 import zipfile
+from collections.abc import Iterator
 from datetime import date, datetime, time
 from pathlib import Path
 from typing import Any
@@ -70,15 +71,13 @@ def read_headers(path: Path, *, sheet: str | None = None, long: Any = None, **la
     return headers_of_text(Head.of_text(_text(path, sheet)[0], found, f"file {path}"), found, long)
 
 
-def first_sheet(path: Path) -> tuple[str, str, list[str]]:
-    """Cells of the first sheet that is not empty, its name, and the names of the others."""
-    text, titles = _text(path, None)
-    name = titles[0]
-    for title in titles[1:]:
+def sheets(path: Path) -> Iterator[tuple[str, str, list[str]]]:
+    """Name and cells of each sheet that is not empty, and the names of the others."""
+    first, titles = _text(path, None)
+    for title in titles:
+        text = first if title == titles[0] else _text(path, title)[0]
         if text.strip():
-            break
-        text, name = _text(path, title)[0], title
-    return text, name, [title for title in titles if title != name]
+            yield title, text, [other for other in titles if other != title]
 
 
 def _text(path: Path, sheet: str | None) -> tuple[str, list[str]]:
@@ -114,14 +113,20 @@ def _text(path: Path, sheet: str | None) -> tuple[str, list[str]]:
 
 
 def _lines(sheet: Any, where: str) -> str:
+    """Rows as lines. Empty cells at the end of a row, which a file lacks, are there up to the widest row above."""
     text = io.StringIO()
+    width = 0
     writer = csv.writer(text, delimiter="\t", lineterminator="\n")
     for number, row in enumerate(sheet.iter_rows(values_only=True), start=1):
         if (
             number > _ROWS
         ):  # rows that the file lacks are given as empty ones, up to any number that it states
             raise InputError("a row has a number beyond the last one", where=where, allowed=f"1 to {_ROWS}")
-        writer.writerow([_cell(value) for value in row])
+        cells = [_cell(value) for value in row]
+        if any(cells):
+            width = max(width, len(cells))
+            cells += [""] * (width - len(cells))
+        writer.writerow(cells if any(cells) else [])
         check_size(text.tell(), f"{where}, as text")
     return text.getvalue()
 
