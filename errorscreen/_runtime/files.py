@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import stat
+from collections.abc import Iterable
 from pathlib import Path
 
 from errorscreen.exceptions import InputError
@@ -54,3 +55,15 @@ def check_size(size: int, largest: int, where: str) -> None:
             allowed=f"at most {largest // 2**20} MiB",
             remedy="Check that this is the right file, or cut it",
         )
+
+
+def check_new(paths: Iterable[Path], remedy: str) -> None:
+    """Raise `InputError` for the first path that exists already."""
+    for path in paths:
+        if path.exists():
+            raise InputError(
+                "exists already, and is not overwritten",
+                where=f"file {path}",
+                allowed="a new file",
+                remedy=remedy,
+            )

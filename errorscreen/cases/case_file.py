@@ -36,7 +36,7 @@ _LARGEST = 2**24
 #: lists of further recordings, in the order of a study
 _FURTHER = ("together", "held_out")
 #: keys of [recording] that a further recording does not take over
-_OWN = ("path", "name", "event_time", "t_start", "t_end", "load_level", "step", *EVENTS)
+_OWN = ("path", "name", "event_time", "t_start", "t_end", "level", "load_level", "step", *EVENTS)
 
 
 class Case(Section):
@@ -141,13 +141,14 @@ class Case(Section):
         Raises
         ------
         InputError
-            If a recording of a grid has no `event_time` or not exactly one of `EVENTS`, or has a step of a set-point;
-            or a recording of a device has an event or a load level.
+            If a recording of a grid has no `event_time` or not exactly one of `EVENTS`, or has a step of a
+            set-point or a level; or a recording of a device has an event or a load level.
         """
         for where, section in self.recordings.items():
             found = list(section.events)
-            if self.grid is not None and section.step:
-                raise InputError("step is given", where=where, allowed="only with [device]")
+            of_device = [key for key in ("step", "level") if getattr(section, key)]
+            if self.grid is not None and of_device:
+                raise InputError(f"{of_device[0]} is given", where=where, allowed="only with [device]")
             if self.grid is None:
                 found += ["load_level"] * (section.load_level != 1.0)
                 if found:

@@ -212,14 +212,14 @@ class RecordingSection(Section):
     def load(self, folder: Path, dt: float | None = None) -> Recording:
         """Read the window of the file and apply the shift, which resamples to `dt` seconds.
 
-        Without an event time, the event begins at the first step of a set-point.
+        Without an event time and a stated level, the event begins at the first step of a set-point.
         """
         direct = {"path", "format", "columns", "shift", "step", *EVENTS, "load_level"}
         columns = {role: Column(**dict(section)) for role, section in self.columns.items()}
         options = {key: value for key, value in self if key in self.model_fields_set - direct}
         for key in options.keys() & {"quality", "waveforms", "phasors", "long"}:
             options[key] = {k: v for k, v in options[key] if v is not None}
-        if self.steps and self.event_time is None:
+        if self.steps and self.event_time is None and not self.level:
             options["event_time"] = self.steps[0].time
         recording = read_recording(folder / self.path, columns or None, self.format, **options)
         recording = replace(recording, steps=self.steps)

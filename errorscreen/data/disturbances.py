@@ -1,4 +1,4 @@
-r"""The disturbances of a record one by one: what lies between two quiet parts.
+r"""The disturbances of a record one by one: the parts between quiet ones.
 
 The range of a signal within a moving span is its activity. It does not depend on the level, so a new operating point is
 as quiet as the old one. A disturbance begins where the activity of a channel is several times that of the quiet record,
@@ -126,18 +126,16 @@ def _active(time: _Array, values: _Array, least: float) -> list[tuple[float, flo
         ranges = sliding_window_view(high, _PARTS).max(axis=1) - sliding_window_view(low, _PARTS).min(axis=1)
     ranges = np.where(np.isfinite(ranges), ranges, 0.0)
     quiet, largest, step = float(np.quantile(ranges, _QUIET)), float(ranges.max()), quantisation_step(x)
-    flips = (
-        step if step < _FLIPS * largest else 0.0
-    )  # a signal of a few levels, as of a simulation, has no resolution
+    # a signal of a few levels, as of a simulation, has no resolution
+    flips = step if step < _FLIPS * largest else 0.0
     begins = max(_BEGINS * quiet, _BEGINS_OF_LARGEST * largest, _BEGINS_OF_FLIPS * flips, least)
     ends = max(_ENDS * quiet, _ENDS_OF_LARGEST * largest, _ENDS_OF_FLIPS * flips, 0.5 * least)
     moving = np.concatenate([[False], ranges > ends, [False]])
     edges = np.flatnonzero(np.diff(moving.astype(int)))
     found = []
     for first, last in zip(edges[::2], edges[1::2], strict=True):
-        if (
-            ranges[first:last].max() > begins
-        ):  # the move enters window `first` at its end, and leaves at its start
+        if ranges[first:last].max() > begins:
+            # the move enters window `first` at its end, and leaves at its start
             begin = origin + part * (first + _PARTS - 1) if first else origin
             found.append((begin, max(begin, origin + part * last)))
     return found

@@ -162,7 +162,7 @@ def build_recording(
         Start of the event, in seconds or as a date; detected where not given.
     waveforms : Waveforms or mapping, optional
         Sampled voltages and currents of three phases, from which V, angle, f, P and Q follow. `columns` then holds only
-        further channels, and other units, signs or bases of what follows.
+        further channels, and other units, signs or bases of those that follow.
     phasors : Phasors or mapping, optional
         The same from rms phasors.
     notes : iterable of str

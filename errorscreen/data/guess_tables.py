@@ -51,7 +51,7 @@ class Opened:
         Of [recording], on the layout and the time stamps.
     decimal : str
     open : list of str
-        Sentences on what was left out.
+        Sentences on columns that were left out.
     """
 
     table: Table
@@ -112,7 +112,7 @@ def _of_lines(text: str, keys: dict[str, Guess], layout: Layout, source: str) ->
     twice = sorted(times.keys() - {*once})
     told = [f"Column {name!r} occurs several times and was left out." for name in twice]
     table = read(once)
-    long = _long(table, once, layout.decimal)
+    long = _long(table, once)
     found = Opened(table, once, keys, layout.decimal, told)
     of_stamps = once if long is None else [name for name in once if name not in (long.tag, long.value)]
     keys |= guess_stamps(table, of_stamps, layout.decimal)
@@ -130,7 +130,7 @@ def _of_lines(text: str, keys: dict[str, Guess], layout: Layout, source: str) ->
     return found
 
 
-def _long(table: Table, names: Sequence[str], decimal: str) -> Long | None:
+def _long(table: Table, names: Sequence[str]) -> Long | None:
     """Columns with tags and values, by their headers, where tags are texts that occur again and again."""
     tags = [name for name in names if _TAG.search(name)]
     values = [name for name in names if _VALUE.search(name)]

@@ -148,7 +148,7 @@ class Phasors:
         f_nominal : float
             Hz.
         notes : list of str
-            Gets what was assumed.
+            Gets sentences on assumptions.
 
         Raises
         ------

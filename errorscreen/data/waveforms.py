@@ -203,7 +203,7 @@ def phasors(
     f_nominal : float
         Hz.
     notes : list of str
-        Gets what was assumed.
+        Gets sentences on assumptions.
 
     Raises
     ------

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from errorscreen._runtime.files import check_new
 from errorscreen._runtime.persistence import write_text_atomic
 from errorscreen.cases import load_case
 from errorscreen.cases.case_models import RecordingSection
@@ -74,14 +75,7 @@ def init_case(
     path = Path(path)
     out = Path(f"{path.stem}.toml" if out is None else out)
     picture = out.with_suffix(".png")
-    for one in (out, picture):
-        if one.exists():
-            raise InputError(
-                "exists already, and is not overwritten",
-                where=f"file {one}",
-                allowed="a new file",
-                remedy="Give another name with --out, or move the file away",
-            )
+    check_new((out, picture), "Give another name with --out, or move the file away")
     model = None if dyr is None else read_dyr(dyr)
     found = guess_file(path)
     missing = [f"{name} was not found: state recording.columns.{name}" for name in _missing(found)]

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from errorscreen._runtime.display import aligned
+from errorscreen._runtime.files import check_new
 from errorscreen._runtime.persistence import write_text_atomic
 from errorscreen.cases.case_file import examine_case
 from errorscreen.cases.case_models import RecordingSection
@@ -116,11 +117,11 @@ def split_case(path: str | os.PathLike[str]) -> Split:
     section = examined.recordings.get("recording")
     if section is None:
         raise examined.problems[0]
-    if section.events or section.steps:
+    if section.events or section.steps or section.level:
         raise InputError(
             "the recording belongs to a stated event",
             where=f"case file {path}, recording",
-            allowed="a recording of a device without steps of set-points",
+            allowed="a recording of a device without steps of set-points and without a stated level",
         )
     whole = _read(section, path.parent, t_start=None, t_end=None, event_time=None)
     channels = {name: channel.values for name, channel in whole.channels.items()}
@@ -129,14 +130,7 @@ def split_case(path: str | os.PathLike[str]) -> Split:
     if len(found) < 2:
         return Split(whole.name, found, units, (), ())
     cases = tuple(path.with_name(f"{path.stem}_{k}.toml") for k in range(1, len(found) + 1))
-    for one in cases:
-        if one.exists():
-            raise InputError(
-                "exists already, and is not overwritten",
-                where=f"file {one}",
-                allowed="new files",
-                remedy="Move the file away",
-            )
+    check_new(cases, "Move the file away")
     windows = [_window(section, path.parent, whole, found, k) for k in range(len(found))]
     text = path.read_bytes().decode("utf-8-sig")
     texts = [_with_window(text, one, f"{k} of {len(found)}", path) for k, one in enumerate(windows, start=1)]

@@ -10,7 +10,7 @@ from errorscreen.cases.keys import sections
 from errorscreen.cases.model_sections import ParameterSection
 from errorscreen.cli import main
 from errorscreen.data import Column
-from errorscreen.exceptions import InputError
+from errorscreen.exceptions import DataWarning, InputError
 from errorscreen.parameters import Parameter
 
 GOOD = """
@@ -119,6 +119,18 @@ def test_what_is_fitted_together_is_read_like_what_is_held_out(tmp_path):
     assert (third.name, third.base_mva, third.time[-1]) == ("third one", 50, pytest.approx(2.95))
     assert third.initial("P")["P"] == pytest.approx(0.8, abs=1e-3)
     assert [recording.name for recording in case.load_held_out()] == ["other"]
+
+
+def test_a_stated_level_belongs_to_its_recording_alone(tmp_path):
+    write_recording(tmp_path)
+    write_recording(tmp_path, "other.csv")
+    text = replaced("t_end = 2.5", "t_start = 0.5\nt_end = 2.5\nlevel = { V = 1.0, P = 0.8 }")
+    case = load_case(write(tmp_path, text))
+    with pytest.warns(DataWarning, match="no quiet part"):
+        rec = case.load_recording()
+    assert (rec.stated, rec.event_time, rec.initial("P")["P"]) == (True, 0.5, pytest.approx(0.8))
+    (other,) = case.load_held_out()
+    assert (other.stated, other.event_time) == (False, pytest.approx(1.0))
 
 
 def test_two_windows_of_one_file_are_two_recordings(tmp_path):

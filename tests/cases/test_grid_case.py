@@ -73,6 +73,7 @@ def test_a_grid_takes_the_place_of_a_device(tmp_path):
          "together[1]: no event given. Allowed: one of [together[1].fault], "),
         ("load_step =", "#", "held_out[1]: no event given. Allowed: one of [held_out[1].fault], "),
         ("load_level = 0.9", "line_trip.ends = [2, 3]", "held_out[1]: line_trip and load_step given."),
+        ("load_level = 0.9", "level = { V = 1.0 }", "held_out[1]: level is given. Allowed: only with [device]."),
         ("load_level = 0.9", "load_level = 0.0", "held_out[1].load_level: 0.0 was found. Allowed: a number > 0."),
         ('"ieee39"', '"ieee93"', "grid.case: unknown value 'ieee93' (did you mean 'ieee39'?)"),
         ('"Tj"', '"Tjj"', "unknown parameter 'Tjj'"),

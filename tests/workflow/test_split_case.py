@@ -137,6 +137,7 @@ def test_nothing_is_overwritten(tmp_path):
             "[[recording.step]]\nquantity = 'Vref'\ntime = 20.0\nsize = 0.01\n[device]",
             "stated event",
         ),
+        ("base_mva = 100 ", "level = { V = 1.0, P = 0.8 }\nbase_mva = 100 ", "without a stated level"),
         ("base_mva = 100 ", "base_mva = -1 ", "base_mva"),
     ],
 )

@@ -1,4 +1,4 @@
-"""Files that are read in a process of its own: what ends it, or keeps it busy, does not end the user's."""
+"""Files that are read in a process of its own: a damaged file may end or hang that process, not the user's."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _SECONDS, _RATE = 30.0, 2e7
 
 @dataclass(frozen=True)
 class Variables:
-    """What a file holds, by name: arrays, lists of texts, and the kind of what is not read; `report` holds the rest."""
+    """Contents of a file by name: arrays, lists of texts, kinds of unread variables; `report` holds the rest."""
 
     arrays: dict[str, np.ndarray[Any, Any]]
     texts: dict[str, list[str]]

@@ -25,7 +25,7 @@ _NUMBERS = frozenset("biufc")
 
 
 class Found:
-    """Variables by name: arrays, texts, and what is not read."""
+    """Variables by name: arrays, texts, and kinds of unread ones."""
 
     def __init__(self) -> None:
         self.arrays: dict[str, np.ndarray[Any, Any]] = {}
@@ -232,7 +232,7 @@ def _limit() -> None:
 
 
 def main(kind: str, path: str, out: str) -> None:
-    """Read a file and write what was found."""
+    """Read a file and write its variables."""
     _limit()
     readers: Mapping[str, Callable[[str, Found], None]] = {
         one.__name__: one for one in (matlab_5, matlab_73, parquet, parquet_names)

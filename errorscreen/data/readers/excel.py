@@ -118,9 +118,8 @@ def _lines(sheet: Any, where: str) -> str:
     width = 0
     writer = csv.writer(text, delimiter="\t", lineterminator="\n")
     for number, row in enumerate(sheet.iter_rows(values_only=True), start=1):
-        if (
-            number > _ROWS
-        ):  # rows that the file lacks are given as empty ones, up to any number that it states
+        if number > _ROWS:
+            # the library gives rows that the file lacks as empty ones, up to any number that the file states
             raise InputError("a row has a number beyond the last one", where=where, allowed=f"1 to {_ROWS}")
         cells = [_cell(value) for value in row]
         if any(cells):

@@ -22,7 +22,7 @@ def recording_of_table(
     notes: Iterable[str] = (),
     **options: Any,
 ) -> Recording:
-    """Recording of columns, or of what follows from three phases; units of the file count where none is given.
+    """Recording of columns, or of channels that follow from three phases; units of the file count where none is given.
 
     The options are those of `errorscreen.data.frames.build_recording`.
     """
