@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from errorscreen._runtime.display import listed
 from errorscreen.data.guess_numbers import guess_by_numbers
 from errorscreen.data.guess_phasors import guess_phasors
+from errorscreen.data.guess_psse import Machine, guess_psse
 from errorscreen.data.guess_tables import OPENERS, Opened
 from errorscreen.data.guesses import (
     ChannelGuess,
@@ -49,16 +50,25 @@ class FileGuess:
         Instead of channels.
     open : list of str
         Sentences on what the file left open.
+    machine : Machine, optional
+        Whose channels they are, where the file names machines.
     """
 
     keys: dict[str, Guess]
     channels: dict[str, ChannelGuess] = field(default_factory=dict)
     waveforms: Guess | None = None
     open: list[str] = field(default_factory=list)
+    machine: Machine | None = None
 
 
-def guess_file(path: Path) -> FileGuess:
+def guess_file(path: Path, units: Sequence[tuple[object, str]] = ()) -> FileGuess:
     """Look into a file.
+
+    Parameters
+    ----------
+    path : Path
+    units : sequence of (bus, id)
+        Units of a model file, one of which was recorded.
 
     Raises
     ------
@@ -69,7 +79,7 @@ def guess_file(path: Path) -> FileGuess:
     if kind == "comtrade":
         found = _of_record(path)
     elif kind in OPENERS:
-        found = _of_table(OPENERS[kind](path))
+        found = _of_table(OPENERS[kind](path), units)
     else:
         raise InputError(
             f"is of the format {kind}, whose channels are not guessed yet",
@@ -103,7 +113,7 @@ def _of_record(path: Path) -> FileGuess:
     return FileGuess(keys, channels, open=[*notes[1:], *left])
 
 
-def _of_table(found: Opened) -> FileGuess:
+def _of_table(found: Opened, units: Sequence[tuple[object, str]]) -> FileGuess:
     table, keys, decimal = found.table, found.keys, found.decimal
     time, stamps = found.time()
     steps = np.diff(time)
@@ -116,16 +126,20 @@ def _of_table(found: Opened) -> FileGuess:
         except InputError:
             spec = None
         if spec is not None:
-            units = {name: unit for name, _, unit in waves}
+            unit_of = {name: unit for name, _, unit in waves}
             table = Table(
-                {name: table.numbers(name, decimal=decimal) for name in units},
+                {name: table.numbers(name, decimal=decimal) for name in unit_of},
                 table.rows,
                 table.source,
-                units=units,
+                units=unit_of,
             )
             guessed = _of_waves(table, time, spec, guess_frequency({}, None, step), "by size" * assumed)
             guessed.keys = keys | guessed.keys
             return guessed
+    if (of_psse := guess_psse(table, rest, decimal, units)) is not None:
+        machine, channels, told = of_psse
+        keys |= _bases(channels, guess_frequency(channels, None, step))
+        return FileGuess(keys, channels, open=[*told, *found.open], machine=machine)
     guess = guess_by_numbers if "header" in keys else guess_channels
     channels, left = guess(table, rest, decimal, None)
     left += found.open
@@ -193,10 +207,12 @@ def _bases(channels: dict[str, ChannelGuess], f_nominal: Guess) -> dict[str, Gue
     """Bases from the levels of V, P and Q; the sign of P and Q, and V from line to neutral, go into `channels`."""
     keys = {"f_nominal": f_nominal}
     P, Q = (
-        channels[name].level * MVA.get(channels[name].fields["unit"], 1.0) if name in channels else 0.0
-        for name in "PQ"
+        one.level * one.fields.get("base", MVA.get(one.fields["unit"], 1.0)) if one is not None else 0.0
+        for one in map(channels.get, "PQ")
     )
-    of_P = channels["P"].fields["unit"] if "P" in channels else None
+    of_P = None
+    if "P" in channels:  # in pu of a base that is known, they tell as much as MW
+        of_P = "MW" if "base" in channels["P"].fields else channels["P"].fields["unit"]
     keys["base_mva"] = guess_base_mva(P, Q if np.isfinite(Q) else 0.0, of_P)
     if "V" in channels:
         base, fields = guess_base_kv(channels["V"])

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 
 from errorscreen.data.guesses import Guess
 from errorscreen.data.headers import known_unit
-from errorscreen.data.readers.head import COMMENTS, DELIMITERS, WHITESPACE, is_number
+from errorscreen.data.readers.head import COMMENTS, DELIMITERS, WHITESPACE, counts_columns, is_number
 from errorscreen.data.readers.text import decoded
 from errorscreen.exceptions import InputError
 
@@ -44,6 +45,10 @@ def guess_layout(text: str, delimiter: str | None = None) -> dict[str, Guess]:
     if delimiter != "," and any(re.fullmatch(r"[+-]?\d*,\d+([eE][+-]?\d+)?", cell) for cell in of_tail):
         decimal = ","
         keys["decimal"] = Guess(",", "as the numbers in the file have it")
+    # the reader knows a row that counts the columns above their names
+    rows = [
+        k for k, after in pairwise([*rows, rows[-1]]) if not counts_columns(cells[k], cells[after], decimal)
+    ]
     width = len(_cells(tail[-1], delimiter))
     # spreadsheets fill a title with delimiters up to the width of the table
     filled = {k: sum(map(bool, cells[k])) for k in rows}

@@ -38,13 +38,13 @@ _SAME = 0.02
 _ALSO, _NEAR_RATED = 0.05, 0.1
 #: words in headers that stand for a channel; the angle comes first, because "voltage angle" is one
 _WORDS = {
-    "angle": {"ang", "angle", "phi", "phiu", "phiu1", "theta", "uphase", "winkel"},
-    "f": {"f", "freq", "frequency", "frequenz", "fehz", "hz"},
+    "angle": {"abus", "ang", "angle", "phi", "phiu", "phiu1", "theta", "uphase", "winkel"},
+    "f": {"f", "fbus", "freq", "frequency", "frequenz", "fehz", "hz"},
     "P": {"p", "pg", "pe", "pgen", "pelec", "psum", "pgenpu", "mw", "active", "wirkleistung"},
     "Q": {"q", "qg", "qe", "qgen", "qelec", "qsum", "qgenpu", "mvar", "reactive", "blindleistung"},
     "V": {
-        "v", "u", "u1", "v1", "vt", "ut", "vm", "um", "upu", "vmag", "umag", "volt", "voltage", "vterm", "eterm", "kv",
-        "vrms", "urms", "spannung", "klemmenspannung",
+        "v", "u", "u1", "v1", "vbus", "vt", "ut", "vm", "um", "upu", "vmag", "umag", "volt", "voltage", "vterm",
+        "eterm", "kv", "vrms", "urms", "spannung", "klemmenspannung",
     },
 }  # fmt: skip
 #: units that only one channel has

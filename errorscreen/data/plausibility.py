@@ -163,6 +163,7 @@ def _frequency(f: float, f_nominal: float) -> Iterator[str]:
         "rad/s": f / (2 * np.pi),
         "Hz deviation": f + f_nominal,
         "mHz deviation": f * 1e-3 + f_nominal,
+        "pu deviation": (f + 1.0) * f_nominal,
     }
     fitting = [name for name, value in units.items() if abs(value / f_nominal - 1.0) <= _OFF_NOMINAL]
     other = [value for value in (50.0, 60.0) if abs(f / value - 1.0) <= _OFF_NOMINAL]
@@ -208,6 +209,7 @@ def _angle_and_frequency(
         "with the angle in degrees (unit = 'deg')": (np.deg2rad(theta), moved),
         "with the angle in degrees and of the other sign": (-np.deg2rad(theta), moved),
         "with the frequency in mHz (unit = 'mHz' or 'mHz deviation')": (theta, 1e-3 * moved),
+        "with the frequency in pu (unit = 'pu' or 'pu deviation')": (theta, f_nominal * moved),
     }
     fitting = [name for name, (a, b) in readings.items() if apart(a, b) <= _AGREES]
     return None, [

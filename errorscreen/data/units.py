@@ -20,7 +20,7 @@ MVA = {
     **{"var": 1e-6, "kvar": 1e-3, "Mvar": 1.0, "VAr": 1e-6, "kVAr": 1e-3, "MVAr": 1.0},
     **{"VA": 1e-6, "kVA": 1e-3, "MVA": 1.0},
 }
-_FREQUENCY = ("Hz", "mHz", "pu", "rad/s", "Hz deviation", "mHz deviation")
+_FREQUENCY = ("Hz", "mHz", "pu", "rad/s", "Hz deviation", "mHz deviation", "pu deviation")
 #: Allowed units by channel name.
 UNITS: dict[str, tuple[str, ...]] = {
     "V": (*KV, "pu"),
@@ -40,8 +40,8 @@ class Column:
     column : str, optional
         Header of the column. Instead of it `real` and `imag`, or `value`.
     unit : str, optional
-        V: ``V, kV, pu``; angle: ``rad, deg``; f: ``Hz, mHz, pu, rad/s, Hz deviation, mHz deviation`` (from
-        nominal); P and Q: ``W, kW, MW, GW``, the same with ``var`` or ``VA``, ``pu``. The unit of the channel
+        V: ``V, kV, pu``; angle: ``rad, deg``; f: ``Hz, mHz, pu, rad/s, Hz deviation, mHz deviation, pu deviation``
+        (from nominal); P and Q: ``W, kW, MW, GW``, the same with ``var`` or ``VA``, ``pu``. The unit of the channel
         (pu, rad, Hz) where not given. Any text for other channels, whose numbers stay as they are.
     base : float, optional
         1 pu, if it is not the recording's own base: MVA for P and Q, kV line to line for V.

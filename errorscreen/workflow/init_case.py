@@ -77,7 +77,7 @@ def init_case(
     picture = out.with_suffix(".png")
     check_new((out, picture), "Give another name with --out, or move the file away")
     model = None if dyr is None else read_dyr(dyr)
-    found = guess_file(path)
+    found = guess_file(path, () if model is None else model.units)
     missing = [f"{name} was not found: state recording.columns.{name}" for name in _missing(found)]
     recording, problem = _read(path, found)
     if recording is not None:
@@ -225,9 +225,11 @@ def _device(
     else:
         yield f"dyr = {_toml(_relative(Path(dyr), out))}"
         units = model.units
-        if len(units) == 1:
-            bus, id = units[0]
-            yield f"bus = {_toml(bus)}  # the only unit of the file"
+        recorded = [one for one in units if one == found.machine]
+        if len(units) == 1 or recorded:
+            bus, id = recorded[0] if recorded else units[0]
+            why = "as the recorded machine" if recorded else "the only unit of the file"
+            yield f"bus = {_toml(bus)}  # {why}"
             yield f"id = {_toml(id)}"
         else:
             yield "# STATE: bus and id of the recorded unit; the file holds"

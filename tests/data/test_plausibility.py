@@ -56,12 +56,16 @@ def test_time_in_another_unit_is_named(factor, unit):
     assert f"time_unit = '{unit}' (0.02 s)" in found
 
 
-def test_a_frequency_in_mhz_is_named_by_its_angle():
-    """Its level is that of 50 Hz, and only its moves are too large."""
+@pytest.mark.parametrize(
+    ("factor", "unit"),
+    [(1e3, "mHz (unit = 'mHz' or 'mHz deviation')"), (0.02, "pu (unit = 'pu' or 'pu deviation')")],
+)
+def test_a_unit_of_the_frequency_is_named_by_the_angle(factor, unit):
+    """Its level is that of 50 Hz, and only its moves are of another size."""
     moves = SWING - SWING[0]
     angle = 2 * np.pi * np.concatenate([[0.0], np.cumsum(0.5 * (moves[1:] + moves[:-1]) * 0.02)])
-    (found,), _ = doubts(angle=angle, f=50 + 1e3 * moves)
-    assert "with the frequency in mHz (unit = 'mHz' or 'mHz deviation') it does" in found
+    (found,), _ = doubts(angle=angle, f=50 + factor * moves)
+    assert f"with the frequency in {unit} it does" in found
 
 
 @pytest.mark.parametrize(("samples", "doubted"), [(0.009, 1), (0.011, 0), (950.0, 0), (1050.0, 1)])
@@ -121,6 +125,7 @@ def test_angle_and_frequency_that_hardly_move_say_nothing():
         (1e3 * (50 + SWING), 50.0, "unit = 'mHz'"),
         (SWING, 50.0, "unit = 'Hz deviation'"),
         (50 + 1e3 * SWING, 50.0, "unit = 'mHz deviation'"),
+        (SWING / 50, 50.0, "'pu deviation'"),
     ],
 )
 def test_a_frequency_of_another_unit_is_named(f, nominal, told):

@@ -24,6 +24,11 @@ TESTS = {
             "data/readers/test_registry::test_text_of_channels_below_a_title_is_read",
             "workflow/test_init_case::test_numbers_without_headers",
         ),
+        "channels of PSS/E as `dyntools` exports them (`.csv`)": (
+            "data/test_guess_psse::test_the_machine_of_the_model_file_is_found_with_its_bus",
+            "data/test_guess_psse::test_a_row_that_counts_the_columns_is_no_header",
+        ),
+        "channels of PSLF as text": ("workflow/test_init_names::test_names_of_channels_in_pslf",),
         "two rows of headers, as simulation programs write them": (
             "data/readers/test_csv::test_two_rows_may_name_a_column",
         ),
@@ -124,7 +129,7 @@ TESTS = {
         ),
         "the slope of the angle over f − `f_nominal`": (
             "data/test_plausibility::test_the_angle_must_follow_from_the_frequency",
-            "data/test_plausibility::test_a_frequency_in_mhz_is_named_by_its_angle",
+            "data/test_plausibility::test_a_unit_of_the_frequency_is_named_by_the_angle",
         ),
         "jumps of the angle by 360 where its unit is rad; an angle that turns at more than 1 Hz before the event": (
             "data/test_plausibility::test_degrees_without_their_unit_show_in_the_jumps_of_the_angle",

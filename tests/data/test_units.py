@@ -69,6 +69,9 @@ def test_deviations_of_the_frequency_count_from_nominal():
     assert convert("f", np.array([-30.0]), Column("f", unit="mHz deviation"), BASES, "f") == pytest.approx(
         [49.97]
     )
+    assert convert("f", np.array([-0.01]), Column("f", unit="pu deviation"), BASES, "f") == pytest.approx(
+        [49.5]
+    )
 
 
 def test_other_channels_keep_their_numbers():

@@ -108,3 +108,18 @@ def test_tags_in_german(tmp_path):
     check(recording)
     assert case.recording.long.tag == "Messstelle"
     assert [case.recording.columns[name].sign for name in "PQ"] == ["load", "load"]
+
+
+def test_names_of_channels_in_pslf(tmp_path):
+    """Types of channels as PSLF names them: of the bus in pu, degrees and Hz, of the machine in MW and Mvar."""
+    V, A, P, Q = VALUES.values()
+    f = 60.0 + np.gradient(A, TIME) / (2 * np.pi)
+    path = write(tmp_path, ["Time", "vbus", "abus", "fbus", "pg", "qg"], [V, np.rad2deg(A), f, P, Q])
+    written, case, recording, _ = initiated(path)
+    assert not written.missing
+    check(recording)
+    columns = {name: (one.column, one.unit) for name, one in case.recording.columns.items()}
+    assert columns == {
+        **{"V": ("vbus", "pu"), "angle": ("abus", "deg"), "f": ("fbus", "Hz")},
+        **{"P": ("pg", "MW"), "Q": ("qg", "Mvar")},
+    }

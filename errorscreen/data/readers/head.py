@@ -96,6 +96,9 @@ class Head:
         if layout.header is not None:
             return cls(source, [str(one) for one in layout.header], delimiter, {}, lines.rest, lines.number)
         first, above = (_split(one, delimiter, source) for one in (line, comment.lstrip("#!/ ")))
+        if counts_columns(first, _split(lines.after() or "", delimiter, source), layout.decimal):
+            lines.take()
+            first = _split(lines.next() or "", delimiter, source)
         numeric = all(is_number(cell, layout.decimal) for cell in first if cell)
         if numeric and len(above) == len(first) > 1:
             return cls(source, above, delimiter, {}, lines.rest, lines.number)
@@ -133,6 +136,13 @@ class _Lines:
         end = len(self._text) if end < 0 else end
         return None if self._at >= len(self._text) else self._text[self._at : end].rstrip("\r")
 
+    def after(self) -> str | None:
+        """The line after the next one."""
+        at, number = self._at, self.number
+        self.take()
+        line, self._at, self.number = self.next(), at, number
+        return line
+
     def take(self) -> str | None:
         line = self.next()
         if line is not None:
@@ -164,6 +174,17 @@ def _split(line: str, delimiter: str, source: str) -> list[str]:
             remedy="Save the file as text of Windows or Unix, and look for quotation marks that are not closed",
         ) from error
     return [cell.strip() for cell in cells]
+
+
+def counts_columns(cells: Sequence[str], below: Sequence[str], decimal: str) -> bool:
+    """Whether a row counts the columns whose names stand below it, as ``time, 1, 2`` in an export of PSS/E."""
+    numbers = [cell.isdecimal() for cell in cells[1:]]
+    return (
+        len(cells) == len(below) > 1
+        and not is_number(cells[0], decimal)
+        and all(numbers)
+        and not any(is_number(cell, decimal) for cell in below)
+    )
 
 
 def is_number(cell: str, decimal: str) -> bool:
