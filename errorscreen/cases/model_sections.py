@@ -158,6 +158,20 @@ class DeviceSection(CandidatesSection):
             device = file.unit(self.bus, self.id, leave_out=self.leave_out, inputs=self.inputs)
         return with_steps(device, steps)
 
+    @property
+    def typical(self) -> str:
+        """Sentence on the parameters for which no value of this unit is stated; empty where there are none."""
+        if self.type is None:
+            return ""
+        stated = {name for name, one in self.parameters.items() if one.nominal is not None}
+        names = [name for name in DEVICES[self.type].candidates.names if name not in stated]
+        if not names:
+            return ""
+        return (
+            f"The model begins with typical values of {', '.join(names)}, not with those of this unit: their error is "
+            "part of the result. State them in [device.parameters], or give the model file of the unit as dyr."
+        )
+
     def space(self, folder: Path, steps: Sequence[SetPointStep] = ()) -> ParameterSpace:
         """Candidates of the device; `InputError` if a parameter or a constant is unknown, or a size cannot be found."""
         device = self.model(folder, steps)

@@ -230,7 +230,8 @@ class Result:
     first_look : tuple of Contribution
         The largest first; empty if not asked for.
     hints : tuple of str
-        Doubts about units, bases and signs of the recordings, to be settled first.
+        Doubts about units, bases and signs of the recordings, and about values that are not those of the unit, to be
+        settled first.
     advice : tuple of str
         What to check and to record next.
     run : Run

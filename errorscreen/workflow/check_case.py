@@ -46,7 +46,7 @@ class Checked:
     seconds : (float, float) or None
         Least and most time that is expected of a run; None with problems.
     advice : tuple of str
-        What would make the run shorter.
+        What would make the result better, or the run shorter.
     """
 
     problems: tuple[str, ...]
@@ -117,7 +117,8 @@ def check_case(path: str | os.PathLike[str]) -> Checked:
                 nominal_response(study.simulator, one)
         except InputError as error:
             return Checked((str(error),), tuple(suspects))
-        return Checked((), tuple(suspects), _expected_seconds(study), tuple(_long_recordings(study)))
+        advice = (*filter(None, [study.typical]), *_long_recordings(study))
+        return Checked((), tuple(suspects), _expected_seconds(study), advice)
 
 
 def recording_problems(section: RecordingSection, folder: Path) -> list[str]:

@@ -68,7 +68,8 @@ def result_of(
     run: Run,
 ) -> Result:
     """Result of a study, with true values where those are known."""
-    device, hints = getattr(study.simulator, "device", None), doubts(study.observations)
+    device = getattr(study.simulator, "device", None)
+    hints = [*doubts(study.observations), *filter(None, [study.typical])]
     contributions = _true_contributions(study)
     return Result(
         StudyInfo(

@@ -59,6 +59,8 @@ class Study:
         Recordings that are fitted together with `observation`; screening and the swarm do not use them.
     model_file : ModelFile, optional
         Where the model comes from a file.
+    typical : str
+        Sentence on values that are not those of this unit.
     """
 
     title: str
@@ -75,6 +77,7 @@ class Study:
     paths: tuple[str, ...] = ()
     together: tuple[Observation, ...] = ()
     model_file: ModelFile | None = None
+    typical: str = ""
 
     @property
     def searched(self) -> tuple[Observation, ...]:
@@ -147,7 +150,11 @@ class Study:
         file = None if case.device is None else case.device.file(case.folder)
         if case.device is not None and file is not None:
             study = replace(study, model_file=ModelFile(file, case.device.bus, case.device.id))
-        study = replace(study, paths=tuple(section.path for section in case.recordings.values()))
+        study = replace(
+            study,
+            paths=tuple(section.path for section in case.recordings.values()),
+            typical="" if case.device is None else case.device.typical,
+        )
         return study._with_assumptions(told) if told else study
 
     @classmethod

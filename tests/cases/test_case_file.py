@@ -7,7 +7,7 @@ import pytest
 from errorscreen.cases.case_file import Case, case_reference, load_case
 from errorscreen.cases.case_models import ColumnSection
 from errorscreen.cases.keys import sections
-from errorscreen.cases.model_sections import ParameterSection
+from errorscreen.cases.model_sections import DeviceSection, ParameterSection
 from errorscreen.cli import main
 from errorscreen.data import Column
 from errorscreen.exceptions import DataWarning, InputError
@@ -85,6 +85,17 @@ def test_parameters_follow_their_sections(tmp_path):
     assert space["Tj"].upper == pytest.approx(1.5 * space["Tj"].nominal)
     text = GOOD.replace("relative = 0.5", 'candidates = ["Tj", "Xd"]').replace("top_k = 3", "top_k = 2")
     assert load_case(write(tmp_path, text)).parameters().names == ("Tj", "Xd")
+
+
+def test_values_that_are_not_those_of_the_unit_are_told():
+    stated = {name: {"nominal": 1.0} for name in ("Xd", "Xd1", "Xq", "Xq1", "Td10", "Tq10")}
+    section = DeviceSection(type="synchronous_machine", parameters=stated, relative=0.5)
+    assert section.typical.startswith(
+        "The model begins with typical values of Tj, D, not with those of this unit"
+    )
+    stated |= {"Tj": {"nominal": 8.0}, "D": {"nominal": 2.0}}
+    assert not DeviceSection(type="synchronous_machine", parameters=stated).typical
+    assert not DeviceSection(dyr="unit.dyr").typical
 
 
 def test_default_bounds_keep_their_ratio_to_a_new_nominal_value():

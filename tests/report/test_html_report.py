@@ -214,7 +214,7 @@ def test_doubts_about_units_stand_beside_the_verdict():
     hint = "trip: P before the event is 72 pu: check its unit and base_mva."
     text = text_of(result(hints=(hint,)))
     assert (
-        "All that is left is noise. Check first, because a wrong unit, base or sign looks like an unknown cause, or "
+        "All that is left is noise. Check first, because a wrong unit, base, sign or value looks like a cause, or "
         f"parameters and effects make up for it: {hint}"
     ) in text
 
