@@ -22,6 +22,8 @@ _FORMATS = tuple(
         "%d-%b-%Y",
         "%d-%m-%Y",
         "%m-%d-%Y",
+        "%b %d %Y",
+        "%d %b %Y",
     )
     for time in ("%H:%M:%S.%f", "%H:%M:%S:%f", "%H:%M:%S,%f", "%H:%M:%S", "%I:%M:%S.%f %p", "%I:%M:%S %p")
 )

@@ -26,6 +26,7 @@ from errorscreen.data.guesses import (
     guess_waveforms,
     phase_of,
     rated_kv,
+    settle_still,
 )
 from errorscreen.data.readers import recognised
 from errorscreen.data.readers.comtrade import read_comtrade_table
@@ -87,6 +88,9 @@ def guess_file(path: Path, units: Sequence[tuple[object, str]] = ()) -> FileGues
             allowed=f"comtrade, {', '.join(OPENERS)}",
             remedy="Write the case file yourself: errorscreen keys recording tells its keys",
         )
+    if found.waveforms is None:
+        found.channels, told = settle_still(found.channels)
+        found.open += told
     found.keys = {"format": Guess(kind, "by the content of the file"), **found.keys}
     return found
 
@@ -119,6 +123,7 @@ def _of_table(found: Opened, units: Sequence[tuple[object, str]]) -> FileGuess:
     steps = np.diff(time)
     step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
     rest = [name for name in found.names if name not in stamps]
+    keys |= _of_steps(time)
     waves, assumed = guess_waveforms(table, rest, step, decimal)
     if waves:
         try:
@@ -160,6 +165,18 @@ def _of_table(found: Opened, units: Sequence[tuple[object, str]]) -> FileGuess:
     if not channels:
         left.append(f"No column is recognised as V, angle, f, P or Q among {listed(map(repr, rest))}.")
     return FileGuess({**keys, **_bases(channels, f_nominal)}, channels, open=left)
+
+
+def _of_steps(time: _Array) -> dict[str, Guess]:
+    """Key ``on_duplicate`` where a program wrote two states at the instant of a step: no sample lacks after them."""
+    steps = np.diff(time)
+    twice = np.flatnonzero(steps == 0)
+    after = steps[np.minimum(twice + 1, len(steps) - 1)]
+    usual = np.median(steps[steps > 0]) if (steps > 0).any() else 0.0
+    if not len(twice) or 10 * len(twice) > len(time) or (after > 1.5 * usual).any():
+        return {}
+    reason = f"{len(twice)} rows repeat a time stamp, as simulation programs write the instant of a step"
+    return {"on_duplicate": Guess("last", reason, check=True)}
 
 
 def _of_waves(table: Table, time: _Array, spec: Waveforms, f_nominal: Guess, unit_reason: str) -> FileGuess:

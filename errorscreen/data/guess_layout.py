@@ -9,7 +9,14 @@ from pathlib import Path
 
 from errorscreen.data.guesses import Guess
 from errorscreen.data.headers import known_unit
-from errorscreen.data.readers.head import COMMENTS, DELIMITERS, WHITESPACE, counts_columns, is_number
+from errorscreen.data.readers.head import (
+    COMMENTS,
+    DELIMITERS,
+    WHITESPACE,
+    counts_columns,
+    is_number,
+    split_line,
+)
 from errorscreen.data.readers.text import decoded
 from errorscreen.exceptions import InputError
 
@@ -29,8 +36,10 @@ def text_of(path: Path) -> tuple[str, dict[str, Guess]]:
     return decoded(path, "latin-1"), {"encoding": Guess("latin-1", "the file is not UTF-8")}
 
 
-def guess_layout(text: str, delimiter: str | None = None) -> dict[str, Guess]:
-    """Keys of `Layout` that differ from the defaults; a delimiter that is known is not guessed."""
+def guess_layout(text: str, source: str, delimiter: str | None = None) -> dict[str, Guess]:
+    """Keys of `Layout` that differ from the defaults; a delimiter that is known is not guessed; `source` is for
+    messages.
+    """
     keys: dict[str, Guess] = {}
     lines = text[: text.find("\0")].splitlines() if "\0" in text else _first_lines(text)
     told = [k for k, one in enumerate(lines) if one.strip() and not one.lstrip().startswith(COMMENTS)]
@@ -39,17 +48,19 @@ def guess_layout(text: str, delimiter: str | None = None) -> dict[str, Guess]:
     if not tail:
         return keys
     known, delimiter = delimiter is not None, delimiter or _delimiter(tail)
-    cells = {k: _cells(lines[k], delimiter) for k in rows}
-    of_tail = [cell for one in tail for cell in _cells(one, delimiter)]
+    cells = {k: split_line(lines[k], delimiter, source) for k in rows}
+    of_tail = [cell for one in tail for cell in split_line(one, delimiter, source)]
     decimal = "."
-    if delimiter != "," and any(re.fullmatch(r"[+-]?\d*,\d+([eE][+-]?\d+)?", cell) for cell in of_tail):
+    commas = [cell for cell in of_tail if re.fullmatch(r"[+-]?\d*,\d+([eE][+-]?\d+)?", cell)]
+    # in quotation marks between commas, groups of three digits may be thousands
+    if commas and (delimiter != "," or any(not re.search(r",\d{3}$", cell) for cell in commas)):
         decimal = ","
         keys["decimal"] = Guess(",", "as the numbers in the file have it")
     # the reader knows a row that counts the columns above their names
     rows = [
         k for k, after in pairwise([*rows, rows[-1]]) if not counts_columns(cells[k], cells[after], decimal)
     ]
-    width = len(_cells(tail[-1], delimiter))
+    width = len(split_line(tail[-1], delimiter, source))
     # spreadsheets fill a title with delimiters up to the width of the table
     filled = {k: sum(map(bool, cells[k])) for k in rows}
     begin = next((k for k in rows if len(cells[k]) == width and (width < 3 or filled[k] > 1)), rows[0])
@@ -63,7 +74,7 @@ def guess_layout(text: str, delimiter: str | None = None) -> dict[str, Guess]:
     if len(heads) > 1:
         keys["header_rows"] = Guess(len(heads), "rows of texts above the numbers")
     above = [lines[k] for k in range(begin) if lines[k].lstrip().startswith(COMMENTS)]
-    named = bool(above) and len(_cells(above[-1].lstrip("#!/ "), delimiter)) == width > 1
+    named = bool(above) and len(split_line(above[-1].lstrip("#!/ "), delimiter, source)) == width > 1
     if not heads and not named:
         names = [f"column {k}" for k in range(1, width + 1)]
         keys["header"] = Guess(
@@ -87,13 +98,9 @@ def _first_lines(text: str) -> list[str]:
 
 def _delimiter(lines: Sequence[str]) -> str:
     """Delimiter that gives all lines equal numbers of fields; the comma last, because it may be a decimal mark."""
+    lines = [re.sub('"[^"]*"', "", line) for line in lines]
     for one in (";", "\t", "|", ","):
         counts = {line.count(one) for line in lines}
         if len(counts) == 1 and counts != {0}:
             return one
     return max(DELIMITERS, key=lines[-1].count) if any(d in lines[-1] for d in DELIMITERS) else WHITESPACE
-
-
-def _cells(line: str, delimiter: str) -> list[str]:
-    parts = line.split() if delimiter == WHITESPACE else line.split(delimiter)
-    return [cell.strip().strip('"') for cell in parts]

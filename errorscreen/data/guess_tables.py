@@ -35,7 +35,9 @@ _TAG = re.compile(
     re.IGNORECASE,
 )
 _VALUE = re.compile(r"(^|[\W_])(value|val|reading|wert)($|[\W_])", re.IGNORECASE)
-_STATUS = re.compile(r"(^|\W)(stat|status|quality|flags?|valid)($|\W)", re.IGNORECASE)
+_STATUS = {"stat", "status", "quality", "qual", "flag", "flags", "valid", "validity"}
+#: STAT of IEEE C37.118.2 in hexadecimal digits; the bits that say error, test mode and a clock that is not set
+_STAT, _BAD_BITS = re.compile(r"(0x)?[0-9a-f]{4}", re.IGNORECASE), 0xE000
 
 
 @dataclass
@@ -80,7 +82,7 @@ class Opened:
 
 def _of_text(path: Path) -> Opened:
     text, keys = text_of(path)
-    keys |= guess_layout(text)
+    keys |= guess_layout(text, f"file {path}")
     return _of_lines(text, keys, Layout(**{key: guess.value for key, guess in keys.items()}), f"file {path}")
 
 
@@ -88,7 +90,7 @@ def _of_workbook(path: Path) -> Opened:
     """The first sheet with a table that has time stamps."""
     error: InputError | None = None
     for name, text, others in sheets(path):
-        keys = guess_layout(text, "\t")
+        keys = guess_layout(text, f"file {path}", "\t")
         layout = Layout("\t", **{key: guess.value for key, guess in keys.items()})
         if others:
             reason = f"the first one with time stamps; others: {', '.join(map(repr, others))}"
@@ -141,18 +143,29 @@ def _long(table: Table, names: Sequence[str]) -> Long | None:
 
 
 def _quality(read: Callable[[str], Table], names: Sequence[str]) -> dict[str, Guess]:
-    """Key ``quality`` where a column with the status of each row says different things."""
+    """Key ``quality`` where a column with the status of each row says that some are bad."""
     for name in names:
-        if _STATUS.search(name):
-            kinds = Counter(map(str, read(name).column(name)))
+        if not _STATUS & {*_words(name)}:
+            continue
+        kinds = Counter(map(str, read(name).column(name)))
+        if all(_STAT.fullmatch(one) for one in kinds):
+            good = sorted(one for one in kinds if not int(one, 16) & _BAD_BITS)
+            reason, check = "bits 15 to 13 of STAT (IEEE C37.118.2) are 0", False
+        else:
             usual, count = kinds.most_common(1)[0]
-            if len(kinds) > 1 and 2 * count > kinds.total() and usual:
-                others = listed(map(repr, sorted(kinds.keys() - {usual})))
-                reason = (
-                    f"most rows hold {usual!r}, {kinds.total() - count} rows hold {others} and become gaps"
-                )
-                return {"quality": Guess({"column": name, "good": [usual]}, reason, check=True)}
+            good = [usual] if usual and 2 * count > kinds.total() else []
+            reason, check = f"most rows hold {usual!r}", True
+        others = sorted(kinds.keys() - {*good})
+        if good and others:
+            rows = sum(kinds[one] for one in others)
+            reason += f"; {rows} rows hold {listed(map(repr, others))} and become gaps"
+            return {"quality": Guess({"column": name, "good": good}, reason, check=check)}
     return {}
+
+
+def _words(header: str) -> list[str]:
+    """Words of a header in lower case, also of ``UNIT2_STAT`` and ``StatusFlags``."""
+    return [one.casefold() for one in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", header)]
 
 
 def _of_pscad(path: Path) -> Opened:

@@ -4,24 +4,27 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from errorscreen.data.dates import fitting_formats, parse_dates
+from errorscreen.data.dates import fitting_formats, no_date, parse_dates
 from errorscreen.data.headers import LONGEST_HEADER, known_unit, role_and_unit
 from errorscreen.data.plausibility import PLAUSIBLE_V
+from errorscreen.data.readers.head import is_number
 from errorscreen.data.table import Table
 from errorscreen.data.timestamps import SECONDS, TIME_UNITS, units_of_step
 from errorscreen.data.units import UNITS
 from errorscreen.exceptions import InputError
 
 _Array = NDArray[np.float64]
-#: first stamps by which dates as numbers are known: days of spreadsheets, and ticks
-_ERAS = {"d": (2e4, 1e5), "ticks": (5e17, 8e17)}
+#: first stamps by which dates as numbers are known: days of spreadsheets, days of MATLAB (1971 to 2080), and ticks
+_ERAS = (("d", 2e4, 1e5), ("d", 7.2e5, 7.6e5), ("ticks", 5e17, 8e17))
+#: s that a recording of a disturbance lasts at least
+_SHORTEST = 0.5
 #: fractions in one second, as concentrators count them
 _TIME_BASES = (1e3, 1e4, 1e5, 1e6, 2.0**24, 1e7, 1e9)
 #: usual nominal voltages in kV, line to line
@@ -32,6 +35,10 @@ LEVELS = (
 )  # fmt: skip
 #: relative distance from a level, and from a level divided by √3, at which a voltage still belongs to it
 _NEAR, _NEAR_NEUTRAL = 0.07, 0.03
+#: range of a channel, relative to its largest reading, that readers refuse as one that never moves
+_STILL = 1e-6
+#: pu around 1 that a voltage in service is in
+_NEAR_ONE = 0.1
 #: relative difference of V in pu that does not matter
 _SAME = 0.02
 #: relative distance of another level that is as usual for a machine in service, and of the rating of a transformer
@@ -96,12 +103,26 @@ def guess_stamps(table: Table, names: Sequence[str], decimal: str) -> dict[str, 
         why = "its header" if name in (*stated, *worded) else "the first column that increases all the way"
         if found := _stamps_in(table, name, why, names, decimal):
             return found
+    for name in (*stated, *worded):
+        _refuse_cell(table, name, decimal)
     raise InputError(
         f"no column holds time stamps; the columns are {', '.join(map(repr, names))}",
         where=table.source,
         allowed="a column of increasing numbers or of dates",
         remedy="State time in [recording] of a case file of your own, or cut what stands above the table",
     )
+
+
+def _refuse_cell(table: Table, name: str, decimal: str) -> None:
+    """Raise the error of the cell that is no time stamp in a column of numbers or of dates, where it is one."""
+    numbers = [is_number(str(one).strip(), decimal) for one in table.column(name)]
+    if 2 * sum(numbers) > len(numbers):
+        table.numbers(name, decimal=decimal)
+        return
+    texts = pd.Series(list(table.column(name))).astype("string").fillna("").str.strip()
+    wrong = np.flatnonzero(parse_dates(texts, None).isna())
+    if len(wrong) and texts.str.contains(r"\d:\d\d").mean() > 0.5:
+        raise no_date(str(texts[int(wrong[0])]), None, table.place(int(wrong[0]), name))
 
 
 def _seconds_and_fractions(table: Table, whole: str, parts: str, decimal: str) -> dict[str, Guess]:
@@ -137,10 +158,18 @@ def _stamps_in(
         return found
     step = float(np.median(steps[steps > 0]))
     fitting = units_of_step(step)
-    eras = [one for one, (low, high) in _ERAS.items() if one in fitting and low < numbers[0] < high]
-    unit = [*eras, *fitting, "s"][0]
-    apart = f"samples are then {step * SECONDS[unit]:.3g} s apart"
-    found["time_unit"] = Guess(unit, f"{apart}, which is usual" if fitting else f"{apart}", check=not fitting)
+    shown = [one for one in fitting if _SHORTEST <= SECONDS[one] * np.ptp(numbers) <= SECONDS["d"]]
+    fitting = shown or fitting
+    sure = [one for one, low, high in _ERAS if one in fitting and low < numbers[0] < high]
+    sure += [one for one in fitting if one == name.strip().casefold()]  # a column "Ticks"
+    unit = [*sure, *fitting, "s"][0]
+    reason = f"samples are then {step * SECONDS[unit]:.3g} s apart"
+    if fitting:
+        reason += ", which is usual"
+    others = [f"{one} ({step * SECONDS[one]:.3g} s)" for one in fitting if one != unit and not sure]
+    if others:
+        reason += f", but so is {' and '.join(others)}"
+    found["time_unit"] = Guess(unit, reason, check=not fitting or bool(others))
     return found
 
 
@@ -152,15 +181,19 @@ def _dates_in(table: Table, name: str, why: str, names: Sequence[str]) -> dict[s
     columns = [name] if after is None or ":" in str(texts[0]) else [name, after]
     if len(columns) == 2:
         texts = texts + " " + pd.Series(list(table.column(columns[1]))).astype("string").str.strip()
+    best: tuple[float, str] | None = None
     for pattern in fitting_formats(str(texts[0])):
         stamps = parse_dates(texts, pattern)
-        if stamps.notna().all():
-            reason = f"stamps such as {texts[0]}; only the time since the first one counts"
-            return {
-                "time": Guess(columns if len(columns) == 2 else name, why),
-                "time_format": Guess(pattern, reason),
-            }
-    return None
+        if stamps.notna().all():  # day and month in the wrong order jump at midnight
+            jump = float(stamps.diff().abs().max() / pd.Timedelta(seconds=1)) if len(stamps) > 1 else 0.0
+            best = min(best or (jump, pattern), (jump, pattern), key=lambda one: one[0])
+    if best is None:
+        return None
+    reason = f"stamps such as {texts[0]}; only the time since the first one counts"
+    return {
+        "time": Guess(columns if len(columns) == 2 else name, why),
+        "time_format": Guess(best[1], reason),
+    }
 
 
 def guess_channels(
@@ -172,6 +205,8 @@ def guess_channels(
         last = name.split("|")[-1]
         role, unit = role_and_unit(last)
         unit = known_unit(role or "", unit or "") or known_unit(role or "", table.units.get(name, ""))
+        if role is None and unit == "V" and re.search(r"[a-z]_V$", last, re.IGNORECASE):
+            unit = None  # "BUS_V" names the voltage, and no unit
         words = {*re.split(r"[^a-z0-9]+", _UNIT_BEHIND.sub("", last[:LONGEST_HEADER]).casefold())}
         if words & _EXCITATION:
             continue
@@ -207,6 +242,25 @@ def guess_channels(
     return channels, open_
 
 
+def settle_still(channels: dict[str, ChannelGuess]) -> tuple[dict[str, ChannelGuess], list[str]]:
+    """Channels of which f and angle are left out, and P and Q are stated, where they never move; and what was done."""
+    kept, told = {}, []
+    for role, one in channels.items():
+        known = one.numbers[np.isfinite(one.numbers)]
+        still = bool(len(known)) and np.ptp(known) <= _STILL * np.abs(known).max()
+        if still and role in ("f", "angle"):
+            told.append(
+                f"Column {one.fields['column']!r} would be {role}, but it never moves, so it was left out."
+            )
+            continue
+        if still and role in ("P", "Q"):
+            told.append(f"Column {one.fields['column']!r} never moves, so {role} is stated and not compared.")
+            fields = {key: value for key, value in one.fields.items() if key != "column"}
+            one = replace(one, fields={"value": one.level, **fields}, reason=f"{one.reason}; it never moves")
+        kept[role] = one
+    return kept, told
+
+
 def _unit_by_level(
     role: str, numbers: _Array, known: Mapping[str, ChannelGuess], f_nominal: float | None
 ) -> tuple[str, str, bool]:
@@ -215,7 +269,7 @@ def _unit_by_level(
     most = float(np.nanmax(np.abs(numbers), initial=0.0))
     if role == "V":
         unit = "pu" if level <= PLAUSIBLE_V[1] else "V" if level >= 1000 else "kV"
-        return unit, f"{level:.4g} before the event is usual in {unit}", unit == "pu" or level < 300
+        return unit, f"{level:.4g} before the event is usual in {unit}", abs(level - 1.0) < _NEAR_ONE
     if role == "f":
         ranges = {"Hz": (45, 65), "mHz": (45e3, 65e3), "rad/s": (280, 410), "pu": (0.9, 1.1)}
         unit = next((u for u, (low, high) in ranges.items() if low <= level <= high), "Hz deviation")
@@ -234,7 +288,7 @@ def _unit_by_level(
         return unit, "as that of P", not known["P"].check
     unit = "pu" if most <= 2.0 else "MW" if most <= 5e3 else "kW" if most <= 5e6 else "W"
     unit = unit.replace("W", "var") if role == "Q" else unit
-    return unit, f"up to {most:.4g}, usual in {unit}", unit != "kW"
+    return unit, f"up to {most:.4g}, usual in {unit}", unit == "MW" and most > 20.0
 
 
 def guess_frequency(channels: Mapping[str, ChannelGuess], stated: float | None, step: float) -> Guess:

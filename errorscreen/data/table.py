@@ -109,7 +109,9 @@ class Table:
             numbers = cells.to_numpy(dtype=float, na_value=np.nan)
             return np.where(np.isin(numbers, marks), np.nan, numbers) if len(marks) else numbers
         text = cells.astype("string").fillna("").str.strip()
-        plain = text.str.replace(",", ".", regex=False) if decimal == "," else text
+        plain = text
+        if decimal == ",":  # a dot would be one of thousands, or the mark of another file
+            plain = text.where(~text.str.contains(".", regex=False)).str.replace(",", ".", regex=False)
         numbers = pd.to_numeric(plain, errors="coerce").to_numpy(dtype=float, na_value=np.nan)
         gap = text.str.lower().isin({text.lower() for text in (*MISSING, *known)}).to_numpy(dtype=bool)
         gap = gap | np.isin(numbers, marks)
@@ -123,12 +125,14 @@ class Table:
             remedy = remedy or "Correct the cells, or add their texts to missing if they mark gaps"
             if re.fullmatch(r"[+-]?\d+,\d+([eE][+-]?\d+)?", found):
                 remedy = "Give decimal=',' for numbers with a decimal comma"
+            if re.fullmatch(r"[+-]?\d{1,3}([.,]\d{3})+([.,]\d+)?", found) and found.count(decimal) < 2:
+                remedy = f"Export numbers without marks between thousands; {decimal!r} is their decimal mark"
             if is_complex(found):
                 remedy = _AS_PHASORS
             raise InputError(
                 f"{_shown(found)} is {'a phasor' if is_complex(found) else 'not a number'}{more}",
                 where=self.place(int(wrong[0]), header),
-                allowed="numbers with a decimal point, or a usual mark of a gap such as an empty cell, NaN or 'bad'",
+                allowed=f"numbers with {decimal!r} before decimals, or a mark of a gap: an empty cell, NaN, 'bad'",
                 remedy=remedy,
             )
         return np.where(gap, np.nan, numbers)

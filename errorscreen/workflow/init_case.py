@@ -113,7 +113,7 @@ def _missing(found: FileGuess) -> list[str]:
     """Channels that a case needs and that neither columns nor three phases give."""
     given = {*found.channels}
     if found.waveforms is not None:
-        given |= {*"VPQ"}
+        given |= {*("VPQ" if found.waveforms.value.get("current") else "V")}
     elif "phasors" in found.keys:
         given |= {*as_phasors(found.keys["phasors"].value, "").columns}
     return [name for name in "VPQ" if name not in given]
@@ -129,16 +129,11 @@ def _section(path: Path, found: FileGuess) -> RecordingSection:
 
 
 def _read(path: Path, found: FileGuess) -> tuple[Recording | None, InputError | None]:
-    """Recording as it is understood; several rows at an instant are read as simulation programs write them."""
+    """Recording as it is understood."""
     try:
         return _quietly(_section(path, found), path.parent), None
     except InputError as error:
-        if "on_duplicate" not in (error.remedy or "") or "on_duplicate" in found.keys:
-            return None, error
-    found.keys["on_duplicate"] = Guess(
-        "last", "several rows at one instant, as simulation programs write them"
-    )
-    return _read(path, found)
+        return None, error
 
 
 def _quietly(section: RecordingSection, folder: Path) -> Recording:

@@ -385,7 +385,7 @@ def test_curves_of_dynawo(tmp_path):
     written, case, recording, _ = initiated(path)
     assert not written.missing
     check(recording, 100.0)
-    assert case.recording.on_duplicate == "mean"
+    assert case.recording.on_duplicate == "last"
     columns = {name: one.column for name, one in case.recording.columns.items()}
     assert columns["angle"] == "GEN_generator_UPhase"
     stepped = tmp_path / "stepped.toml"

@@ -86,24 +86,26 @@ class Head:
         if line is None:
             raise InputError("is empty", where=source, allowed="a header row and rows of numbers")
         delimiter = layout.delimiter or stated or _guessed(line)
-        if delimiter != WHITESPACE and (len(delimiter) != 1 or delimiter == layout.decimal == ","):
+        same = delimiter == layout.decimal == "," and '"' not in text  # marks keep a comma inside a number
+        if delimiter != WHITESPACE and (len(delimiter) != 1 or same):
             raise InputError(
                 f"the fields are separated by {delimiter!r} and decimals by {layout.decimal!r}",
                 where=source,
-                allowed=f"one character, and not the same, or {WHITESPACE!r}",
+                allowed=f"one character, and not the same unless numbers stand in quotation marks, or {WHITESPACE!r}",
                 remedy="Give delimiter=';' or a file with decimal points",
             )
         if layout.header is not None:
             return cls(source, [str(one) for one in layout.header], delimiter, {}, lines.rest, lines.number)
-        first, above = (_split(one, delimiter, source) for one in (line, comment.lstrip("#!/ ")))
-        if counts_columns(first, _split(lines.after() or "", delimiter, source), layout.decimal):
+        first, above = (split_line(one, delimiter, source) for one in (line, comment.lstrip("#!/ ")))
+        if counts_columns(first, split_line(lines.after() or "", delimiter, source), layout.decimal):
             lines.take()
-            first = _split(lines.next() or "", delimiter, source)
+            first = split_line(lines.next() or "", delimiter, source)
         numeric = all(is_number(cell, layout.decimal) for cell in first if cell)
         if numeric and len(above) == len(first) > 1:
             return cls(source, above, delimiter, {}, lines.rest, lines.number)
         rows = [
-            _split(lines.take() or "", delimiter, source) for _ in range(min(layout.header_rows, len(text)))
+            split_line(lines.take() or "", delimiter, source)
+            for _ in range(min(layout.header_rows, len(text)))
         ]
         width = max(map(len, rows))
         padded = [[*row, *[""] * (width - len(row))] for row in rows]
@@ -116,7 +118,7 @@ class Head:
                 remedy='Give header, for example header = ["time", "V", "P"], or skip_rows',
             )
         units: dict[str, str] = {}
-        below = _split(lines.next() or "", delimiter, source)
+        below = split_line(lines.next() or "", delimiter, source)
         stated_units = [cell for cell in below if cell]
         if len(below) == len(names) and stated_units and all(known_unit("", cell) for cell in stated_units):
             units = dict(zip(names, below, strict=True))
@@ -161,7 +163,8 @@ def _guessed(line: str) -> str:
     return best if best in plain or len(plain.split()) < 2 else WHITESPACE
 
 
-def _split(line: str, delimiter: str, source: str) -> list[str]:
+def split_line(line: str, delimiter: str, source: str) -> list[str]:
+    """Fields of a line, without quotation marks around them."""
     if delimiter == WHITESPACE:
         return line.split()
     try:
@@ -188,9 +191,11 @@ def counts_columns(cells: Sequence[str], below: Sequence[str], decimal: str) -> 
 
 
 def is_number(cell: str, decimal: str) -> bool:
-    """Whether a cell holds a number."""
+    """Whether a cell holds a number; beside a decimal comma, a dot is part of none."""
+    if decimal == ",":
+        cell = cell.replace(".", "?").replace(",", ".")
     try:
-        float(cell.replace(",", ".") if decimal == "," else cell)
+        float(cell)
     except ValueError:
         return False
     return True
