@@ -1,7 +1,9 @@
 """Set-up that all tests share."""
 
 import os
+from pathlib import Path
 
+import pytest
 from hypothesis import HealthCheck, settings
 
 #: a package of somebody else: collected, its entry points would be there for all tests
@@ -18,3 +20,19 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
 )
 settings.load_profile("any machine")
+
+
+@pytest.fixture
+def undrawn_figures(monkeypatch):
+    """Save figures as empty pictures: to draw those of a report takes three quarters of a small run.
+
+    They are made all the same. For tests of a whole run that are not about pictures; `test_cli` draws those of one run,
+    `tests/plotting` and `tests/workflow/test_figures.py` each kind.
+    """
+    from matplotlib.figure import Figure
+
+    def savefig(self, target, **options):
+        picture = b'<svg xmlns="http://www.w3.org/2000/svg"/>'
+        target.write(picture) if hasattr(target, "write") else Path(target).write_bytes(picture)
+
+    monkeypatch.setattr(Figure, "savefig", savefig)

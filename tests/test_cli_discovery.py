@@ -13,6 +13,8 @@ from errorscreen.report import read_result
 from errorscreen.workflow import Study
 from tests.test_cli import CASE, folder, refused
 
+pytestmark = pytest.mark.usefixtures("undrawn_figures")
+
 RESULTS = Path(__file__).parents[1] / "docs" / "reference" / "results.md"
 
 

@@ -22,7 +22,7 @@ TINY = {"n_filters": (4, 4, 4), "n_hidden": 8, "max_epochs": 3}
 
 @parametrize_with_checks(
     [
-        CNNContributionRegressor(random_state=0),
+        CNNContributionRegressor(max_epochs=15, random_state=0),  # enough to learn what the checks ask for
         CNNContributionRegressor(
             (4, 8, 8), 16, max_epochs=20, patience=None, lr=1e-2, target_power=1.0, random_state=0
         ),
@@ -47,7 +47,9 @@ def blobs(seed, n=300):
 def test_learns_what_a_linear_model_cannot(target_power):
     images, labels = blobs(1)
     test_images, test_labels = blobs(2)
-    model = CNNContributionRegressor((8, 16, 16), 32, lr=3e-3, target_power=target_power, random_state=0)
+    model = CNNContributionRegressor(
+        (8, 16, 16), 32, lr=3e-3, target_power=target_power, max_epochs=20, random_state=0
+    )
     score = r2_score(test_labels, model.fit(images, labels).predict(test_images))
     ridge = Ridge(1.0).fit(images.reshape(len(images), -1), labels)
     linear = r2_score(test_labels, ridge.predict(test_images.reshape(len(images), -1)))

@@ -38,7 +38,7 @@ def dataset(n, seed):
 
 def small_pipeline(max_epochs=30):
     return make_pipeline(
-        CWTTransformer(sampling_period=0.03, f_max=8, n_frequencies=24, n_columns=48, signed="compressed"),
+        CWTTransformer(sampling_period=0.03, f_max=8, n_frequencies=16, n_columns=32, signed="compressed"),
         ChannelScaler(),
         CNNContributionRegressor(max_epochs=max_epochs, random_state=0),
     )

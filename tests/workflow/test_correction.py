@@ -10,6 +10,8 @@ from errorscreen.models.standard import PARTS
 from errorscreen.simulators import PlantSimulator
 from errorscreen.workflow import Study, run_study, write_outputs
 
+pytestmark = pytest.mark.usefixtures("undrawn_figures")
+
 DYR = """// unit 1 of the plant
 101 'GENROU' 1  6.0 0.04 0.8 0.06 {H} 0.0 1.8 1.7 0.3 0.5 0.22 0.15 0.0 0.0 /
 101 'TGOV1'  1  0.05 0.3 1.0 0.0 2.0 7.0 0.0 /   tested in spring

@@ -93,6 +93,7 @@ def rebuilt(simulator, found):
     return model
 
 
+@pytest.mark.usefixtures("undrawn_figures")
 @pytest.mark.parametrize("name", ["hidden_effect", "refuted", "swinging"])
 def test_the_extended_model_is_rebuilt_from_the_result_alone(name, request, tmp_path):
     outcome = request.getfixturevalue(name)[-1]
@@ -147,6 +148,7 @@ def refuted(hidden_effect):
     return hidden, out, run_study(replace(study, held_out=held_out), out)
 
 
+@pytest.mark.usefixtures("undrawn_figures")
 def test_a_refuted_extension_is_withdrawn_and_the_first_verdict_stays(refuted, tmp_path):
     hidden, _, outcome = refuted
     found = outcome.result.diagnosis
@@ -239,6 +241,7 @@ def test_the_role_of_each_recording_is_reported(swinging):
         assert list(dict.fromkeys(c.recording for c in model.channels)) == [name for name, _ in roles]
 
 
+@pytest.mark.usefixtures("undrawn_figures")
 def test_an_event_of_one_recording_is_no_lack_of_the_model(swinging, tmp_path):
     outcome = swinging[2]
     report = write_outputs(outcome, tmp_path)[1].read_text(encoding="utf-8")

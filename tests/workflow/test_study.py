@@ -96,7 +96,7 @@ def test_the_fingerprint_of_a_stage_knows_everything_that_it_depends_on():
     base, again = quick_study(), quick_study()
     others = [
         quick_study(seed=1),
-        quick_study(step=0.001),
+        quick_study(step=0.004),
         quick_study(constants={"Ra": 0.01}),
         quick_study(grid_impedance=0.01j),
         replace(base, run=RunSection(random_state=1)),
