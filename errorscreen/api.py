@@ -92,8 +92,9 @@ def read(
         check_options(form, options, where)
         reader = partial(read_recording, Path(source), format=form)
         layout = {name: options[name] for name in _LAYOUT & options.keys()}
-        headers = found.headers(Path(source), **layout) if found.headers is not None else []
         guess = found.needs_columns and not phases
+        needed = time is None or (columns is None and guess)
+        headers = found.headers(Path(source), **layout) if needed and found.headers is not None else []
     else:
         if format is not None:
             raise InputError(

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 _Array = NDArray[np.float64]
 #: Values that a parameter can have physically; empty for any number.
-DOMAINS = ("", ">= 0", "> 0")
+DOMAINS = ("", ">= 0", "> 0", "<= 0")
 
 
 @dataclass(frozen=True)
@@ -43,8 +43,8 @@ class Parameter:
     scale : float, optional
         Denominator of the relative deviation, equation (12); ``abs(nominal)`` where not given. It is needed where
         the nominal value is zero.
-    domain : {"", ">= 0", "> 0"}
-        Any number, a gain, or a time constant, reactance or limit.
+    domain : {"", ">= 0", "> 0", "<= 0"}
+        Any number, a gain, a time constant, reactance or limit, or a lower limit that is not positive.
 
     Raises
     ------
@@ -78,7 +78,7 @@ class Parameter:
             if not np.isfinite(value):
                 raise InputError(f"{field} is {value}", where=where, allowed="a finite number")
             object.__setattr__(self, field, value)
-            if self.domain and (value < 0 or (value == 0 and self.domain == "> 0")):
+            if not {"": True, ">= 0": value >= 0, "> 0": value > 0, "<= 0": value <= 0}[self.domain]:
                 allowed, remedy = f"a number {self.domain}", "Correct the value, or narrow the bounds"
                 raise InputError(f"{field} is {value:g}", where=where, allowed=allowed, remedy=remedy)
         limits = f"the range [{self.lower:g}, {self.upper:g}]"

@@ -98,6 +98,9 @@ def test_domains_hold_their_edge_and_survive_changes():
     assert space.replace({"K": {"nominal": 0.5}})["K"].domain == ">= 0"
     with pytest.raises(InputError, match="parameter 'K': lower is -0.1"):
         space.replace({"K": {"lower": -0.1}})
+    with pytest.raises(InputError, match="parameter 'UC': upper is 1. Allowed: a number <= 0"):
+        Parameter("UC", -1.0, -2.0, 1.0, domain="<= 0")
+    assert Parameter("UC", -1.0, -2.0, 0.0, domain="<= 0").upper == 0.0
     with pytest.raises(InputError, match="unknown domain 'positive'"):
         Parameter("T", 1.0, 0.5, 2.0, domain="positive")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tomllib
-from contextlib import suppress
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,6 +22,7 @@ from errorscreen.cases.case_models import (
 )
 from errorscreen.cases.key_errors import explained, placed, with_others
 from errorscreen.cases.keys import key_tables
+from errorscreen.cases.mended import without_wrong_keys
 from errorscreen.cases.model_sections import EVENTS, DeviceSection, GridSection
 from errorscreen.cases.plant_section import PlantSection
 from errorscreen.cases.section import Section, setting
@@ -247,11 +248,14 @@ class ExaminedCase(NamedTuple):
     problems : list of InputError
     recordings : dict of str to RecordingSection
         Those whose keys are right, as `Case.recordings`.
+    mended : dict of str to RecordingSection
+        The others without their wrong keys, as far as their columns are read alike without them.
     """
 
     case: Case | None
     problems: list[InputError]
     recordings: dict[str, RecordingSection]
+    mended: dict[str, RecordingSection]
 
 
 def examine_case(path: str | os.PathLike[str]) -> ExaminedCase:
@@ -263,30 +267,57 @@ def examine_case(path: str | os.PathLike[str]) -> ExaminedCase:
     try:
         case = Case.model_validate(data)
     except ValidationError as error:
-        return ExaminedCase(None, explained(error, Case, _FURTHER, source), _sections(data))
+        right, mended = _sections(data)
+        problems = explained(error, Case, _FURTHER, source)
+        problems += _of_model(data, right | mended, path.parent, source)
+        return ExaminedCase(None, problems, right, mended)
     case._folder, case._source = path.parent, source
-    problems: list[InputError] = []
-    for check in (case.parameters, case.check_events, case.check_inputs, case.check_apart, case.network):
+    checks = (case.parameters, case.check_events, case.check_inputs, case.check_apart, case.network)
+    return ExaminedCase(case, _told(checks, source), case.recordings, {})
+
+
+def _told(checks: Iterable[Callable[[], object]], source: str) -> list[InputError]:
+    """What checks refuse, each once."""
+    problems: dict[str, InputError] = {}
+    for check in checks:
         try:
             check()
         except InputError as error:
             found = placed(error, source)
-            if str(found) not in map(str, problems):
-                problems.append(found)
-    return ExaminedCase(case, problems, case.recordings)
+            problems.setdefault(str(found), found)
+    return list(problems.values())
 
 
-def _sections(data: dict[str, Any]) -> dict[str, RecordingSection]:
-    """Sections of recordings that are right, in a case file that is not."""
+def _of_model(
+    data: dict[str, Any], recordings: dict[str, RecordingSection], folder: Path, source: str
+) -> list[InputError]:
+    """Problems of the parameters of a model whose keys are right, in a case file with other wrong keys."""
+    sections = {key: data[key] for key in ("device", "grid", "plant") if key in data}
+    if not sections or "recording" not in recordings:
+        return []
+    try:
+        case = Case.model_validate({"recording": recordings["recording"], **sections})
+    except ValidationError:
+        return []
+    case._folder = folder
+    return _told([case.parameters], source)
+
+
+def _sections(data: dict[str, Any]) -> tuple[dict[str, RecordingSection], dict[str, RecordingSection]]:
+    """Sections of recordings that are right, in a case file that is not, and others without their wrong keys."""
     given = {"recording": data.get("recording")}
     for key in _FURTHER:
         if isinstance(data.get(key), list):
             given |= {f"{key}[{n}]": one for n, one in enumerate(data[key], start=1)}
-    found = {}
+    found, mended = {}, {}
     for key, one in given.items():
-        with suppress(ValidationError):
+        try:
             found[key] = RecordingSection.model_validate(one)
-    return found
+        except ValidationError:
+            section = without_wrong_keys(one)
+            if section is not None:
+                mended[key] = section
+    return found, mended
 
 
 def case_reference(section: str | None = None) -> str:

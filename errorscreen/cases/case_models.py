@@ -59,7 +59,10 @@ class WaveformsSection(Section):
     """Sampled voltages and currents of three phases, from which V, angle, f, P and Q follow."""
 
     voltage: list[str] = setting(..., "headers of the three voltages", min_length=3, max_length=3)
-    current: list[str] = setting([], "headers of the three currents, positive out of the plant", max_length=3)
+    current: list[str] = setting([], "headers of the three currents", max_length=3)
+    sign: Literal["generator", "load"] = setting(
+        "generator", "currents are positive out of the plant, or into it"
+    )
     line_to_line: bool = setting(False, "voltages between phases: ab, bc, ca")
     method: Literal["cycle", "P", "M"] = setting(
         "cycle", "window: one period, or the filter of class P or M of IEEE C37.118"
@@ -95,8 +98,12 @@ class PhasorsSection(Section):
     line_to_line: bool = setting(
         False, "voltages between phases: ab, bc, ca; or √3 times the positive sequence"
     )
-    voltage_unit: Literal["V", "kV"] | None = setting(None, "that of the file if not given")
-    current_unit: Literal["A", "kA"] | None = setting(None, "that of the file if not given")
+    voltage_unit: Literal["V", "kV", "pu"] | None = setting(
+        None, "that of the file if not given; pu of base_kv"
+    )
+    current_unit: Literal["A", "kA", "pu"] | None = setting(
+        None, "that of the file if not given; pu of base_mva and base_kv"
+    )
 
 
 class QualitySection(Section):

@@ -149,14 +149,18 @@ class DeviceSection(CandidatesSection):
         return self._file
 
     def model(self, folder: Path, steps: Sequence[SetPointStep] = ()) -> Device:
-        """Device of this section with the steps of its recordings; its files are relative to a folder."""
+        """Device of this section with the steps of its recordings and the candidates that it names.
+
+        Its files are relative to a folder. `InputError` if a parameter or a constant is unknown.
+        """
         file = self.file(folder)
         if file is None:
             assert self.type is not None
             device = DEVICES[self.type]
         else:
             device = file.unit(self.bus, self.id, leave_out=self.leave_out, inputs=self.inputs)
-        return with_steps(device, steps)
+        device.constant_values(self.constants, in_grid=self.grid_impedance != 0)
+        return with_steps(device, steps).with_candidates((*self.parameters, *(self.candidates or ())))
 
     @property
     def typical(self) -> str:
@@ -175,7 +179,6 @@ class DeviceSection(CandidatesSection):
     def space(self, folder: Path, steps: Sequence[SetPointStep] = ()) -> ParameterSpace:
         """Candidates of the device; `InputError` if a parameter or a constant is unknown, or a size cannot be found."""
         device = self.model(folder, steps)
-        device.constant_values(self.constants, in_grid=self.grid_impedance != 0)
         space = self.apply(device.candidates)
         for quantity, sought in device.steps.items():
             if sought and size_name(quantity) not in space:

@@ -33,6 +33,8 @@ class Channel(Displayed):
         Standard deviation of the measurement noise, in `unit`; positive.
     age : float
         Seconds that a reading may be older than its time stamp, because the meter holds it.
+    noise_stated : bool
+        Whether the noise is known from another source; a stated one holds on any grid.
     """
 
     name: str
@@ -40,6 +42,7 @@ class Channel(Displayed):
     unit: str
     noise: float
     age: float = 0.0
+    noise_stated: bool = False
 
     def _facts(self) -> dict[str, Any]:
         readings = f"{np.isfinite(self.values).sum()} of {len(self.values)}"
@@ -52,10 +55,15 @@ def channel_arrays(
     noise: Mapping[str, float],
     given: Mapping[str, float],
     where: str,
+    *,
+    copy: bool = True,
 ) -> tuple[_Array, dict[str, _Array]]:
     """Copies of the time axis and the channels; noise must be of a channel, and a given value must not."""
-    t = np.array(time, dtype=float)
-    arrays = {key: np.array(v, dtype=float) for key, v in values.items()}
+
+    def own(numbers: ArrayLike) -> _Array:
+        return np.array(numbers, dtype=float) if copy else np.asarray(numbers, dtype=float)
+
+    t, arrays = own(time), {key: own(v) for key, v in values.items()}
     check_axes(t, arrays, where)
     for name in noise:
         if name not in arrays:

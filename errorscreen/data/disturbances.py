@@ -15,9 +15,10 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from errorscreen.data.moves import detect_event
 from errorscreen.data.preparation import LEAST_MOVE
 from errorscreen.data.resampling import check_holes
-from errorscreen.data.signals import detect_event, quantisation_step
+from errorscreen.data.signals import quantisation_step
 from errorscreen.exceptions import InputError
 
 _Array = NDArray[np.float64]

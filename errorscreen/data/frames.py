@@ -17,13 +17,15 @@ from errorscreen.data.no_readings import (
     check_marks,
     lost_frames,
     without_bad_rows,
+    wrong_stamps,
 )
 from errorscreen.data.pandas_tables import INDEX, table_of_frame
 from errorscreen.data.phase_headers import differing_phase
-from errorscreen.data.phasors import Phasors, as_phases, to_read
+from errorscreen.data.phasors import Phasors, as_phases
 from errorscreen.data.plausibility import doubt
 from errorscreen.data.preparation import in_window
 from errorscreen.data.recordings import Recording
+from errorscreen.data.sequences import derived, own_column
 from errorscreen.data.table import Table
 from errorscreen.data.timestamps import (
     format_of_time,
@@ -134,6 +136,7 @@ def build_recording(
     Parameters
     ----------
     table : Table
+        Its columns are used up.
     columns, base_mva, f_nominal, time
         As in `from_frame`.
     base_kv : float, optional
@@ -161,8 +164,9 @@ def build_recording(
     event_time : float or str, optional
         Start of the event, in seconds or as a date; detected where not given.
     waveforms : Waveforms or mapping, optional
-        Sampled voltages and currents of three phases, from which V, angle, f, P and Q follow. `columns` then holds only
-        further channels, and other units, signs or bases of those that follow.
+        Sampled voltages and currents of three phases, from which V, angle, f, P and Q follow, whatever other columns of
+        these names the file has. `columns` then holds only further channels, columns of the file that are to count
+        instead of what follows, and the sign of what follows.
     phasors : Phasors or mapping, optional
         The same from rms phasors.
     notes : iterable of str
@@ -182,7 +186,8 @@ def build_recording(
     check_real(max_missing, "max_missing", low=0, high=1, where=source)
     bases = Bases(base_mva, base_kv, f_nominal)
     phases = as_phases(waveforms, phasors, source)
-    specs = _specs({**(phases.columns if phases is not None else {}), **(columns or {})}, source)
+    specs = _specs(columns or {}, phases, table, notes)
+    follow = frozenset(map(derived, () if phases is None else phases.follow))
     form = format_of_time(time, time_unit, time_format, time_base, source)
     if not len(table.rows):
         raise InputError("there are no samples", where=source, allowed="at least two rows of numbers")
@@ -191,13 +196,18 @@ def build_recording(
         seconds_of(value, name, form, first, source)
         for name, value in (("t_start", t_start), ("t_end", t_end), ("event_time", event_time))
     )
-    headers, numbers = _numbers(table, specs, phases, missing, decimal, as_quality(quality, source), notes)
+    headers = [h for spec in specs.values() for h in spec.headers if h not in follow]
+    numbers = _numbers(table, headers, specs, phases, missing, decimal, as_quality(quality, source), notes)
     if phases is not None:
-        stamps, numbers = phases.derive(table, stamps, numbers, headers, f_nominal, notes)
+        stamps, found, rest = phases.derive(table, stamps, numbers, headers, f_nominal, notes, bases)
+        numbers = {**rest, **{derived(name): values for name, values in found.items()}}
+    if isinstance(table.columns, dict):
+        table.columns.clear()  # a large file is held once
     stamps, numbers = order_samples(stamps, numbers, table, form.header, on_backward, notes)
     if "angle" in specs and specs["angle"].column is not None:  # before a mean could be taken across a jump
         header = specs["angle"].headers[0]
         numbers[header] = _unwrapped(numbers[header], specs["angle"], notes, source)
+    notes += wrong_stamps(stamps, numbers, source) if on_duplicate == "mean" else []
     stamps, numbers = merge_duplicates(stamps, numbers, table, form.header, on_duplicate, notes)
     if len(stamps) < 2:
         raise InputError("there is one sample only", where=source, allowed="at least two samples")
@@ -215,10 +225,11 @@ def build_recording(
             notes.append(f"{role} was not measured; it was given as {given[role]:.4g} {unit}.")
         else:
             with np.errstate(over="ignore", invalid="ignore"):  # readings too large become gaps in `_checked`
-                values |= _converted(role, [numbers[h] for h in spec.headers], spec, bases, where)
+                values |= _converted(role, [numbers.pop(h) for h in spec.headers], spec, bases, where)
         notes += _meaning(role, spec, bases)
     for role in values:
-        values[role] = _checked(role, values[role], max_missing, source, notes)
+        stands = specs[role].column in follow if role in specs else False
+        values[role] = _checked(role, values[role], max_missing, source, notes, may_stand=stands)
     _note_spacing(stamps, notes)
     own_units = {role: spec.unit for role, spec in specs.items() if spec.unit and role not in ROLE_UNITS}
     return Recording.from_arrays(
@@ -231,21 +242,22 @@ def build_recording(
         given=given,
         event_time=event_time,
         assumptions=notes,
+        copy=False,
         **options,
     )
 
 
 def _numbers(
     table: Table,
+    headers: list[str],
     specs: Mapping[str, Column],
     phases: Waveforms | Phasors | None,
     missing: Iterable[str | float],
     decimal: str,
     quality: Quality | None,
     notes: list[str],
-) -> tuple[list[str], Values]:
-    """Headers of channels that the file has, and the numbers of these and of the three phases; notes get doubts."""
-    headers = to_read(phases, (h for spec in specs.values() for h in spec.headers), table.columns)
+) -> Values:
+    """Numbers of columns of the file, and of the three phases; notes get doubts."""
     numbers = {h: table.numbers(h, missing=missing, decimal=decimal) for h in headers}
     if phases is not None:
         numbers |= phases.read(table, missing, decimal)
@@ -254,11 +266,26 @@ def _numbers(
     if "V" in specs and specs["V"].column in headers:
         told = differing_phase(table, specs["V"].headers[0], numbers[specs["V"].headers[0]], missing, decimal)
         notes += [] if told is None else [doubt(told, table.source)]
-    return headers, numbers
+    return numbers
 
 
-def _specs(columns: Specs, source: str) -> dict[str, Column]:
-    specs = {role: as_column(role, c, f"{source}, channel {role!r}") for role, c in columns.items()}
+def _specs(
+    columns: Specs, phases: Waveforms | Phasors | None, table: Table, notes: list[str]
+) -> dict[str, Column]:
+    """Sources of channels: what follows from phases, unless a column of the file is named for it."""
+    source = table.source
+    specs = {} if phases is None else phases.columns
+    for role, given in columns.items():
+        where = f"{source}, channel {role!r}"
+        spec = as_column(role, given, where)
+        if phases is not None and spec.column in phases.follow and spec.column not in table.columns:
+            spec = own_column(spec, where)
+        elif role in specs and spec.headers:
+            told = ", ".join(map(repr, spec.headers))
+            notes.append(
+                f"{role} was read from {told}, which is named for it, instead of following from phases."
+            )
+        specs[role] = spec
     if not any(spec.headers for spec in specs.values()):
         raise InputError("no column is mapped to a channel", where=source, allowed="at least one")
     owner: dict[str, str] = {}
@@ -306,8 +333,10 @@ def _meaning(role: str, spec: Column, bases: Bases) -> list[str]:
     return notes
 
 
-def _checked(role: str, values: _Array, max_missing: float, source: str, notes: list[str]) -> _Array:
-    """Take infinities as gaps, unwrap the angle, and refuse a channel that is empty or constant."""
+def _checked(
+    role: str, values: _Array, max_missing: float, source: str, notes: list[str], *, may_stand: bool
+) -> _Array:
+    """Take infinities as gaps, unwrap the angle, and refuse a channel that is empty, or constant unless it may be."""
     where = f"{source}, channel {role!r}"
     endless = np.abs(values) > LARGEST
     if endless.any():
@@ -327,7 +356,7 @@ def _checked(role: str, values: _Array, max_missing: float, source: str, notes: 
         )
     if lost:
         notes.append(f"{lost} of {len(values)} readings of {role} are missing.")
-    if np.nanmax(values) - np.nanmin(values) <= _LEAST_RANGE * np.nanmax(np.abs(values)):
+    if not may_stand and np.nanmax(values) - np.nanmin(values) <= _LEAST_RANGE * np.nanmax(np.abs(values)):
         raise InputError(
             f"every reading is {np.nanmean(values):.6g}: the channel never moves",
             where=where,

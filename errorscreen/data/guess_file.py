@@ -88,9 +88,8 @@ def guess_file(path: Path, units: Sequence[tuple[object, str]] = ()) -> FileGues
             allowed=f"comtrade, {', '.join(OPENERS)}",
             remedy="Write the case file yourself: errorscreen keys recording tells its keys",
         )
-    if found.waveforms is None:
-        found.channels, told = settle_still(found.channels)
-        found.open += told
+    found.channels, told = settle_still(found.channels)
+    found.open += told
     found.keys = {"format": Guess(kind, "by the content of the file"), **found.keys}
     return found
 
@@ -210,14 +209,10 @@ def _of_waves(table: Table, time: _Array, spec: Waveforms, f_nominal: Guess, uni
         "base_kv": base_kv,
     }
     open_ = [] if spec.current else ["There are no three currents, so P and Q do not follow."]
-    channels = {}
     if P < 0:
-        why = "P before the event is negative: the currents are positive into the plant"
-        for name, unit in (("P", "MW"), ("Q", "Mvar")):
-            channels[name] = ChannelGuess(
-                {"column": name, "unit": unit, "sign": "load"}, why, np.array([P]), True
-            )
-    return FileGuess(keys, channels, Guess(fields, reason, check=bool(unit_reason)), open_)
+        fields["sign"] = "load"
+        reason += "; P before the event is negative, so the currents count as positive into the plant"
+    return FileGuess(keys, waveforms=Guess(fields, reason, check=bool(unit_reason) or P < 0), open=open_)
 
 
 def _bases(channels: dict[str, ChannelGuess], f_nominal: Guess) -> dict[str, Guess]:

@@ -15,11 +15,16 @@ from errorscreen.data.headers import role_and_unit
 from errorscreen.data.phase_headers import phasors_of
 from errorscreen.data.phasors import as_phasors
 from errorscreen.data.table import Table
+from errorscreen.data.units import Bases
 from errorscreen.exceptions import DataWarning
 
 _Array = NDArray[np.float64]
 #: units of a quantity, the larger one first, and the level under which numbers count in it
 _UNITS = {"voltage": ("kV", "V", 1000.0), "current": ("kA", "A", 50.0)}
+#: pu that a voltage begins in, and that a current begins below
+_PU, _MOST_PU = (0.8, 1.2), 5.0
+#: bases of phasors in pu, which scale nothing
+_MVA, _KV = 100.0, 20.0
 #: rad and a little more: a larger angle is in degrees
 _TURN = 2 * np.pi + 0.1
 
@@ -60,15 +65,20 @@ def guess_phasors(
     reasons, check = ["magnitude and angle, or both parts, of a voltage in the headers"], False
     spec = as_phasors(fields, table.source)
     numbers = spec.read(table, decimal=decimal)
+    levels: dict[str, float] = {}
     for quantity in [quantity for quantity in _UNITS if quantity in fields]:
-        large, small, most = _UNITS[quantity]
+        large, small, _ = _UNITS[quantity]
         first = [one if isinstance(one, str) else one[0] for one in fields[quantity]]
         units = {stated[name] for name in first} & {large, small}
         if len(units) == 1:
             fields[f"{quantity}_unit"] = units.pop()
-            continue
-        levels = [np.nanmedian(np.abs(x)) for name, x in numbers.items() if name.split(", ")[0] in first]
-        fields[f"{quantity}_unit"] = large if max(levels) < most else small
+        else:
+            found = [np.nanmedian(np.abs(x)) for name, x in numbers.items() if name.split(", ")[0] in first]
+            levels[quantity] = float(max(found))
+    in_pu = _PU[0] < levels.get("voltage", 0.0) < _PU[1] and levels.get("current", 0.0) < _MOST_PU
+    for quantity, level in levels.items():
+        large, small, most = _UNITS[quantity]
+        fields[f"{quantity}_unit"] = "pu" if in_pu else large if level < most else small
         reasons.append(f"the unit of the {quantity} by its size")
         check = True
     if spec.form == "polar" and not isinstance(spec.voltage[0], str):
@@ -92,13 +102,16 @@ def _with_bases(
     spec = as_phasors(fields, table.source)
     with warnings.catch_warnings():  # doubts are told when the case is read
         warnings.simplefilter("ignore", DataWarning)
-        _, found = spec.derive(table, time, numbers, (), f_nominal, [])
+        _, found, _ = spec.derive(table, time, numbers, (), f_nominal, [], Bases(_MVA, _KV, f_nominal))
     first = slice(0, max(3, len(time) // 10))
     kv = float(np.nanmedian(found["V"][first]))
+    in_pu = spec.voltage_unit == "pu"
     keys = {"base_kv": guess_level(kv, "the voltage from line to line is")[0]}
+    if in_pu:
+        keys = {"base_kv": Guess(_KV, "of phasors in pu it scales nothing, but is needed", check=True)}
     if "P" in found:
         P, Q = (float(np.nanmedian(found[name][first])) for name in "PQ")
-        keys["base_mva"] = guess_base_mva(P, Q, "MW")
+        keys["base_mva"] = guess_base_mva(P, Q, "pu" if in_pu else "MW")
         if P < 0:
             fields["sign"] = "load"
             reason += "; P before the event is negative, so the currents count as positive into the plant"

@@ -21,8 +21,13 @@ _SPELLINGS = {
 _ROLES = {spelling: role for role, spellings in _SPELLINGS.items() for spelling in spellings}
 #: Other spellings of units.
 _ALIASES = {
-    **{"p.u.": "pu", "PU": "pu", "°": "deg", "degrees": "deg", "degree": "deg", "KV": "kV"},
+    **{"p.u.": "pu", "PU": "pu", "°": "deg", "degrees": "deg", "degree": "deg"},
     **{"MVAR": "Mvar", "KVAR": "kvar", "KW": "kW", "sec": "s", "seconds": "s"},
+    **dict.fromkeys(("KV", "kv", "Kv"), "kV"),
+    **dict.fromkeys(("volt", "Volt", "VOLT", "volts", "Volts", "VOLTS"), "V"),
+    **dict.fromkeys(("KA", "ka", "Ka"), "kA"),
+    **dict.fromkeys(("amp", "Amp", "AMP", "amps", "Amps", "AMPS", "ampere", "Ampere", "AMPERE"), "A"),
+    **dict.fromkeys(("amperes", "Amperes", "AMPERES"), "A"),
 }
 #: Letters of a header; a longer text names nothing, and patterns would be tried on it for ever.
 LONGEST_HEADER = 500
@@ -39,10 +44,15 @@ def time_unit_of(header: str) -> str | None:
     return unit if unit in TIME_UNITS else None
 
 
+def spelled(text: str) -> str:
+    """Unit in a cell, in the usual spelling as far as it is known."""
+    plain = text.strip().strip("[]()").strip()
+    return _ALIASES.get(plain, plain)
+
+
 def known_unit(role: str, text: str) -> str | None:
     """Unit of a channel, of the time, or of any of them for an empty `role`, that a cell states; None without one."""
-    plain = text.strip().strip("[]()").strip()
-    unit = _ALIASES.get(plain, plain)
+    unit = spelled(text)
     allowed = {"time": TIME_UNITS, **UNITS}
     return unit if any(unit in units for name, units in allowed.items() if role in ("", name)) else None
 

@@ -11,6 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from errorscreen.data.plausibility import doubt
+from errorscreen.data.signals import noise_floor
 from errorscreen.data.table import Table
 from errorscreen.exceptions import InputError, unknown_name
 
@@ -21,6 +22,8 @@ LARGEST = 1e12
 _FAR = 10.0
 #: relative distance of steps from a whole number of usual ones in a regular grid, and how many may be longer
 _EVEN, _FEW = 0.1, 0.1
+#: Rows at one instant differ by more than noise where by so many times the usual distance of neighbours.
+_APART = 6.0
 #: gaps of the grid that are told one by one
 _TOLD = 5
 
@@ -163,3 +166,45 @@ def lost_frames(time: _Array) -> str | None:
         f"{lost.sum():.0f} samples are missing in a grid of {usual:.3g} s, in {len(longer)} "
         f"place{'s' * (len(longer) > 1)}: {', '.join(places)}{more}."
     )
+
+
+def wrong_stamps(time: _Array, values: Mapping[str, _Array], where: str) -> list[str]:
+    """Doubts about rows at one instant beside a missing sample: one of them belongs to the next instant, or the last.
+
+    Parameters
+    ----------
+    time : ndarray of shape (L,)
+        Seconds, never decreasing.
+    values : mapping of str to ndarray of shape (L,)
+        Columns by header. Rows must differ by more than their noise.
+    where : str
+        For the warnings.
+    """
+    if not (np.diff(time) == 0).any():
+        return []
+    unique, first, count = np.unique(time, return_index=True, return_counts=True)
+    if len(unique) == 1 or lost_frames(unique) is None:
+        return []
+    longer = np.diff(unique) > 1.5 * float(np.median(np.diff(unique)))
+    beside = np.concatenate([[False], longer]) | np.concatenate([longer, [False]])
+    found = []
+    for k in np.flatnonzero((count > 1) & beside):
+        rows = slice(int(first[k]), int(first[k] + count[k]))
+        apart = [header for header, column in values.items() if np.ptp(column[rows]) > _usual(column)]
+        if apart:
+            found.append(f"{count[k]} rows at {unique[k]:.9g} s differ in {', '.join(map(repr, apart))}")
+    if not found:
+        return []
+    more = f", and at {len(found) - _TOLD} more instants" if len(found) > _TOLD else ""
+    text = (
+        f"{'; '.join(found[:_TOLD])}{more}, and a sample beside them is missing: a wrong time stamp? Correct "
+        "the stamp, or state on_duplicate = 'last' if the last row counts."
+    )
+    return [doubt(text, where)]
+
+
+def _usual(column: _Array) -> float:
+    """Largest distance that rows at one instant may have by noise."""
+    steps = np.abs(np.diff(column[np.isfinite(column)]))
+    usual = float(np.median(steps)) if len(steps) else 0.0
+    return _APART * max(usual, noise_floor(column))

@@ -23,6 +23,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from errorscreen.data.complex_texts import complex_of, is_no_reading
+from errorscreen.data.headers import spelled
 from errorscreen.data.sequences import (
     Phasor,
     check_voltages,
@@ -31,11 +32,12 @@ from errorscreen.data.sequences import (
     magnitudes,
     own_columns,
     power,
+    pu_factors,
     sequences,
     spec_of,
 )
 from errorscreen.data.table import Table
-from errorscreen.data.units import Column, unwrap
+from errorscreen.data.units import Bases, Column, unwrap
 from errorscreen.data.waveforms import Waveforms, as_waveforms
 from errorscreen.exceptions import InputError, unknown_name
 
@@ -75,8 +77,8 @@ class Phasors:
     line_to_line : bool
         The voltages are those between a and b, b and c, c and a; or the magnitude of the positive sequence is √3 times
         that of a phase.
-    voltage_unit, current_unit : {"V", "kV"}, {"A", "kA"}, optional
-        Those of the file where not given.
+    voltage_unit, current_unit : {"V", "kV", "pu"}, {"A", "kA", "pu"}, optional
+        Those of the file where not given; pu of the bases of the recording.
 
     Examples
     --------
@@ -132,8 +134,9 @@ class Phasors:
         further: Iterable[str],
         f_nominal: float,
         notes: list[str],
-    ) -> tuple[_Array, dict[str, _Array]]:
-        """Columns that follow, and further columns as they are, with their time.
+        bases: Bases | None = None,
+    ) -> tuple[_Array, dict[str, _Array], dict[str, _Array]]:
+        """Time, columns that follow by their names, and further columns as they are.
 
         Parameters
         ----------
@@ -149,6 +152,8 @@ class Phasors:
             Hz.
         notes : list of str
             Gets sentences on assumptions.
+        bases : Bases, optional
+            For numbers in pu.
 
         Raises
         ------
@@ -157,7 +162,7 @@ class Phasors:
         """
         where = f"{table.source}, phasors"
         voltages, currents = (
-            self._phasors(table, numbers, quantity, where) for quantity in ("voltage", "current")
+            self._phasors(table, numbers, quantity, where, bases) for quantity in ("voltage", "current")
         )
         if len(voltages) == 3:
             check_voltages(voltages, _names(self.voltage), where)
@@ -179,16 +184,19 @@ class Phasors:
             f"to be in the frame of {f_nominal:g} Hz, as those of synchrophasors are. f is the slope of the angle "
             "where no column is given for it."
         )
-        return time, found | {header: numbers[header] for header in further}
+        return time, found, {header: numbers[header] for header in further}
 
     def _phasors(
-        self, table: Table, numbers: Mapping[str, _Array], quantity: str, where: str
+        self, table: Table, numbers: Mapping[str, _Array], quantity: str, where: str, bases: Bases | None
     ) -> list[Phasor]:
         """Rms phasors in kV or kA."""
         sources = getattr(self, quantity)
         if not sources:
             return []
-        scale = factor(table.units, _names(sources), getattr(self, f"{quantity}_unit"), quantity, where)
+        unit, pu = getattr(self, f"{quantity}_unit"), None
+        if bases is not None and self.magnitude == "rms":  # whether 1 pu is a peak value, nobody can tell
+            pu = pu_factors(bases, self.line_to_line)
+        scale = factor(table.units, _names(sources), unit, quantity, where, pu)
         if self.magnitude == "peak":
             scale /= np.sqrt(2)
         found: list[Phasor] = []
@@ -211,7 +219,7 @@ class Phasors:
         return found
 
     def _angle_unit(self, table: Table, header: str, where: str) -> str:
-        unit = self.angle_unit or table.units.get(header, "")
+        unit = self.angle_unit or spelled(table.units.get(header, ""))
         if unit not in ("deg", "rad"):
             raise InputError(
                 f"the unit of {header} is {unit or 'not stated'!r}",

@@ -36,6 +36,9 @@ _TURNS = 1.0
 _AGREES = 0.1
 #: rad that F must move at least
 _MOVES = 0.02
+#: Zeros of one channel are lost frames in so few rows, where the readings beside them are so many usual distances from
+#: zero, and agree within this part of the level, as those of the other channels do throughout.
+_LOST_ROWS, _FROM_ZERO, _STAYS = 10, 10.0, 0.2
 
 
 class Doubt(str):
@@ -117,21 +120,53 @@ def _sampling(time: _Array, f_nominal: float) -> Iterator[str]:
 
 
 def _lost_frames(time: _Array, values: Mapping[str, _Array]) -> Iterator[str]:
-    """Rows of zeros between other readings, as concentrators write them for a lost frame."""
+    """Zeros between other readings, as concentrators write them for a lost frame: in all channels, or in one."""
     watched = {name: v for name, v in values.items() if name in ("V", "P", "Q", "f")}
+    zero = np.zeros(len(time), dtype=bool)
     if "f" in watched:
         zero = watched["f"] == 0.0
     elif "V" in watched and len(watched) > 1:
         zero = np.all([v == 0.0 for v in watched.values()], axis=0)
-    else:
+    if zero.any() and not zero.all() and not zero[-1]:  # a unit that trips stays at zero
+        names = "f" if "f" in watched else ", ".join(watched)
+        yield _zeros(names, time, zero)
         return
-    if not zero.any() or zero.all() or zero[-1]:  # a unit that trips stays at zero
-        return
-    names = "f" if "f" in watched else ", ".join(watched)
-    yield (
+    electric = {name: v for name, v in watched.items() if name != "f"}
+    for name in electric:
+        lost = _dropped(name, electric)
+        if lost.any():
+            yield _zeros(
+                f"{name}, but not in {', '.join(other for other in electric if other != name)}", time, lost
+            )
+
+
+def _zeros(names: str, time: _Array, zero: NDArray[np.bool_]) -> str:
+    return (
         f"{int(zero.sum())} rows, the first at {time[np.argmax(zero)]:g} s, hold exactly 0 in {names}: lost frames? "
         "Give quality, the column with the status of each row, or missing = ['0']."
     )
+
+
+def _dropped(name: str, values: Mapping[str, _Array]) -> NDArray[np.bool_]:
+    """Rows in which a channel is exactly 0 between two like readings, while the others stay as they are."""
+    x, lost = values[name], np.zeros(len(values[name]), dtype=bool)
+    edges = np.flatnonzero(np.diff(x == 0.0))
+    edges = edges[1:] if x[0] == 0.0 else edges
+    if not len(edges):
+        return lost
+    levels = {key: float(np.nanmedian(np.abs(v))) for key, v in values.items()}
+    power = max(levels.get("P", 0.0), levels.get("Q", 0.0))
+    stays = {key: _STAYS * (levels[key] if key == "V" else power) for key in values}
+    usual = np.abs(np.diff(x[np.isfinite(x)]))
+    far = max(0.5 * levels[name], _FROM_ZERO * float(np.median(usual))) if len(usual) else np.inf
+    for before, last in zip(edges[::2], edges[1::2], strict=False):
+        ends = [before, last + 1]
+        if last - before > _LOST_ROWS or np.abs(x[ends]).min() <= far:
+            continue
+        rest = {key: v[before : last + 2] for key, v in values.items() if key != name} | {name: x[ends]}
+        if len(rest) > 1 and all(np.ptp(v) <= stays[key] for key, v in rest.items()):
+            lost[before + 1 : last + 1] = True
+    return lost
 
 
 def _voltage(V: float) -> Iterator[str]:

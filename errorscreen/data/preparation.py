@@ -9,7 +9,7 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
-from errorscreen.data import signals
+from errorscreen.data import moves, signals
 from errorscreen.exceptions import DataWarning, InputError, check_real
 
 _Array = NDArray[np.float64]
@@ -60,7 +60,7 @@ def find_event(
             raise InputError(f"event_time is {event_time:g} s", where=where, allowed=allowed)
         return float(event_time)
     watched = {k: v for k, v in values.items() if k in ("V", "P", "Q")} or values
-    start = signals.detect_event(time, watched, least=LEAST_MOVE, where=where)
+    start = moves.detect_event(time, watched, least=LEAST_MOVE, where=where)
     notes.append(
         f"The event was taken to begin at {start:g} s, where the first of {', '.join(watched)} leaves its "
         "quiet band."
@@ -139,13 +139,22 @@ def check_rest(
     quiet: tuple[float, float],
     notes: list[str],
     where: str,
+    *,
+    stated: bool = True,
 ) -> None:
-    """Refuse a clear move before the event, and warn of a small one in the quiet part, perhaps a switching."""
-    for name in (k for k in ("V", "P", "Q") if k in values):
-        keep = np.isfinite(values[name])
-        t, x = time[keep], values[name][keep]
-        move = signals.first_move(t, x, least=LEAST_MOVE)
-        if move is not None and move.clear + _LATE < np.searchsorted(t, event):
+    """Refuse a clear move before a stated event, and warn of a small one in the quiet part, perhaps a switching.
+
+    An oscillation or a ramp up to the event is warned of, too, unless no channel shows a sudden event.
+    """
+    watched = {name: values[name] for name in ("V", "P", "Q") if name in values}
+    found = {
+        name: moves.event_move(*moves.measured(time, v), least=LEAST_MOVE)
+        for name, v in watched.items()
+        if stated  # an event that was found begins with the first clear move
+    }
+    for name, move in moves.voters(found).items():
+        t, _ = moves.measured(time, watched[name])
+        if move.clear + _LATE < np.searchsorted(t, event):
             raise InputError(
                 f"{name} moves from {t[move.onset]:g} s on, before the stated event at {event:g} s, so there is no "
                 "quiet part",
@@ -153,7 +162,9 @@ def check_rest(
                 allowed="an event_time at the first disturbance that is read",
                 remedy="Correct event_time, or set t_start behind the earlier disturbance",
             )
-        small, part = signals.first_move(t, x, least=LEAST_MOVE, clear=0.0), t <= quiet[1]
+    for name, v in watched.items():
+        t, x = moves.measured(time, v)
+        small, part = moves.first_move(t, x, least=LEAST_MOVE, clear=0.0), t <= quiet[1]
         if small is None or not part[min(small.clear + 2, len(part) - 1)]:
             continue
         first = small.onset
@@ -214,9 +225,8 @@ def channel_noise(
         noise, note = noise_of_signal(name, time, values, float(time[0]))
         notes.append(note)
         return noise
-    noise = signals.estimate_noise(time, values, quiet, where=f"{where}, channel {name!r}")
-    part = (time >= quiet[0]) & (time <= quiet[1])
-    if signals.scatter(time[part], values[part]) < noise:
+    noise, resolved = signals.quiet_noise(time, values, quiet, where=f"{where}, channel {name!r}")
+    if not resolved:
         size = f"{noise:.2g} {units[name]}".rstrip()
         notes.append(
             f"{name} scatters less before the event than it can resolve, "

@@ -99,6 +99,7 @@ class Recording(Displayed):
         level: Mapping[str, float] | None = None,
         held: str = "drop",
         assumptions: Iterable[str] = (),
+        copy: bool = True,
     ) -> Recording:
         """Build a recording from arrays that already have the units of `Channel`.
 
@@ -113,7 +114,7 @@ class Recording(Displayed):
         units : mapping of str to str, optional
             Units of channels other than V, angle, f, P and Q.
         event_time : float, optional
-            Detected from V, P and Q by `errorscreen.data.signals.detect_event` where not given.
+            Detected from V, P and Q by `errorscreen.data.moves.detect_event` where not given.
         noise : mapping of str to float, optional
             Known standard deviations; the others are estimated from the quiet part.
         level : mapping of str to float, optional
@@ -124,6 +125,8 @@ class Recording(Displayed):
             repeated ones.
         assumptions : iterable of str
             Sentences to begin with.
+        copy : bool
+            False where the arrays belong to nobody else, and are large.
 
         Raises
         ------
@@ -147,7 +150,7 @@ class Recording(Displayed):
         """
         where, notes = f"recording {name!r}", list(assumptions)
         noise, given, units = noise or {}, dict(given or {}), units or {}
-        t, arrays = channel_arrays(time, values, noise, given, where)
+        t, arrays = channel_arrays(time, values, noise, given, where, copy=copy)
         if held not in ("drop", "keep"):
             raise unknown_name(str(held), ("drop", "keep"), kind="value of held", where=where)
         start = preparation.find_event(t, arrays, event_time, notes, where, stated=bool(level))
@@ -155,13 +158,15 @@ class Recording(Displayed):
         preparation.check_response(t, start, where)
         quiet = None if level else preparation.quiet_part(t, start, where)
         if quiet:
-            preparation.check_rest(t, arrays, start, quiet, notes, where)
+            preparation.check_rest(t, arrays, start, quiet, notes, where, stated=event_time is not None)
         named = {key: ROLE_UNITS.get(key) or units.get(key, "") for key in arrays}
         known = (quiet, noise, named, notes, where)
         sigma = {key: preparation.channel_noise(key, t, v, *known) for key, v in arrays.items()}
         if quiet is None:
             t, arrays, quiet = preparation.preceded(t, arrays, level or {}, f_nominal, notes, where)
-        channels = {k: Channel(k, v, named[k], sigma[k], ages.get(k, 0.0)) for k, v in arrays.items()}
+        channels = {
+            k: Channel(k, v, named[k], sigma[k], ages.get(k, 0.0), k in noise) for k, v in arrays.items()
+        }
         bases = (base_mva, f_nominal, start, quiet, base_kv)
         recording = cls(name, t, channels, *bases, given, stated=bool(level))
         initial = recording.initial(name for name in ("V", "f") if name in channels or name in given)
@@ -219,7 +224,9 @@ class Recording(Displayed):
             if sigma is None:
                 sigma, note = preparation.noise_of_signal(key, t, v, start)
                 notes.append(note)
-            channels[key] = Channel(key, v, (units or {}).get(key, ""), float(sigma))
+            channels[key] = Channel(
+                key, v, (units or {}).get(key, ""), float(sigma), noise_stated=key in noise
+            )
         quiet = (float(t[0]), start)
         return cls(name, t, channels, 1.0, 50.0, start, quiet, assumptions=tuple(notes))
 
@@ -339,7 +346,8 @@ class Recording(Displayed):
         if resampling.low_pass_needed(step, resampling.spacing(source, channel.values)):
             notes.append(f"{channel.name} was low-pass filtered before it was sampled every {step:g} s.")
             readings = np.isfinite(values[self._is_quiet(grid)]).sum()
-            if readings >= signals.MIN_QUIET and not self.stated:  # the filter took part of the noise
+            estimated = not (self.stated or channel.noise_stated)
+            if readings >= signals.MIN_QUIET and estimated:  # the filter took part of the noise
                 noise = min(noise, signals.estimate_noise(grid, values, self.quiet))
         return replace(channel, values=values, noise=noise)
 

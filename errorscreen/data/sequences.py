@@ -15,19 +15,21 @@ Source: C. L. Fortescue, Method of symmetrical co-ordinates applied to the solut
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from errorscreen.data.headers import spelled
 from errorscreen.data.plausibility import doubt
-from errorscreen.data.units import KA, KV, Column
+from errorscreen.data.units import KA, KV, Bases, Column
 from errorscreen.exceptions import InputError, unknown_name
 
 _Array = NDArray[np.float64]
 Phasor = NDArray[np.complex128]
-#: channels that follow, with their units
-OWN = {"V": "kV", "angle": "rad", "f": "Hz", "P": "MW", "Q": "Mvar"}
+#: columns that follow, with their units
+OWN = {"V": "kV", "angle": "rad", "f": "Hz", "P": "MW", "Q": "Mvar", "V2": "kV", "V0": "kV"}
 _TURN = np.exp(2j * np.pi / 3)
 #: a negative sequence of this part of the positive one before an event is no usual unbalance
 _UNBALANCED = 0.5
@@ -64,17 +66,52 @@ def spec_of(kind: type[_T], found: _T | Mapping[str, Any], where: str) -> _T:
     return found
 
 
+def derived(name: str) -> str:
+    """Header of a column that follows: not its name alone, which a column of the file may have, too."""
+    return f"{name} of the phases"
+
+
 def own_columns(names: Iterable[str]) -> dict[str, Column]:
-    """Sources of the channels that follow: columns of their own names."""
-    return {name: Column(name, unit=OWN[name]) for name in names}
+    """Sources of the channels that follow."""
+    return {name: Column(derived(name), unit=OWN[name]) for name in names}
+
+
+def own_column(spec: Column, where: str) -> Column:
+    """Source of a channel whose description names a column that follows, such as V2, or P with another sign.
+
+    Raises
+    ------
+    InputError
+        If another unit is stated than that in which it follows.
+    """
+    name = str(spec.column)
+    if spec.unit not in (None, OWN[name]):
+        raise InputError(
+            f"the file has no column {name!r}; it follows from the phases in {OWN[name]}, but its unit is given as "
+            f"{spec.unit!r}",
+            where=where,
+            allowed=OWN[name],
+            remedy="Correct the unit, or leave it out",
+        )
+    return replace(spec, column=derived(name), unit=OWN[name])
 
 
 def factor(
-    units: Mapping[str, str], headers: Sequence[str], given: str | None, quantity: str, where: str
+    units: Mapping[str, str],
+    headers: Sequence[str],
+    given: str | None,
+    quantity: str,
+    where: str,
+    pu: Mapping[str, float] | None = None,
 ) -> float:
-    """Factor to kV of a ``"voltage"``, or kA of a ``"current"``, by the given unit, or that of the file."""
-    factors = KV if quantity == "voltage" else KA
-    stated = {given} if given else {units.get(header, "") for header in headers}
+    """Factor to kV of a ``"voltage"``, or kA of a ``"current"``, by the given unit, or that of the file.
+
+    `pu` holds that of each quantity in pu, where pu are allowed.
+    """
+    factors = dict(KV if quantity == "voltage" else KA)
+    if pu is not None:
+        factors["pu"] = pu.get(quantity, np.nan)
+    stated = {given} if given else {spelled(units.get(header, "")) for header in headers}
     unit = stated.pop() if len(stated) == 1 else ""
     if unit not in factors:
         raise InputError(
@@ -83,7 +120,22 @@ def factor(
             allowed=f"{' or '.join(factors)}, the same for all",
             remedy=f"Give {quantity}_unit",
         )
+    if np.isnan(factors[unit]):
+        raise InputError(
+            f"the {quantity} in pu cannot be converted",
+            where=where,
+            allowed="pu with base_kv",
+            remedy="Give base_kv, the base voltage from line to line in kV",
+        )
     return factors[unit]
+
+
+def pu_factors(bases: Bases, line_to_line: bool) -> dict[str, float]:
+    """Voltage of 1 pu in kV, and current of 1 pu in kA; nothing without a base voltage."""
+    if bases.kv is None:
+        return {}
+    kv = bases.kv if line_to_line else bases.kv / np.sqrt(3)
+    return {"voltage": kv, "current": bases.mva / (np.sqrt(3) * bases.kv)}
 
 
 def sequences(phases: Sequence[Phasor], line_to_line: bool = False) -> tuple[Phasor, Phasor, Phasor]:

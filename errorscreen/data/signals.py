@@ -1,9 +1,6 @@
-"""Noise, quantisation, held readings and the start of the event, from a measured signal alone."""
+"""Noise, quantisation and held readings, from a measured signal alone."""
 
 from __future__ import annotations
-
-from collections.abc import Mapping
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,15 +12,13 @@ _Array = NDArray[np.float64]
 MIN_QUIET = 5
 #: No instrument resolves less than this part of its largest reading (accuracy classes are 1e-3 and worse).
 RESOLUTION = 1e-5
-#: The quiet band has the half width of so many standard deviations of the noise, and of this part of the channel's
-#: largest excursion (99th percentile), so that drift, rounding and the precursors of a filter do not count.
-_SIGMAS, _FRACTION = 6.0, 0.05
-#: Most bands that are drawn, each from more of the readings before the move.
-_ROUNDS = 5
-#: A move is clear from this part of the largest excursion on: what moves less before is the noise of the grid.
-CLEAR = 0.2
-#: Readings in a row that must lie outside the band, so that a single spike does not count.
-_PERSIST = 3
+
+
+def _measured(values: ArrayLike) -> _Array:
+    """Readings without gaps; the same array where there are none."""
+    x = np.asarray(values, dtype=float)
+    known = np.isfinite(x)
+    return x if known.all() else x[known]
 
 
 def quantisation_step(values: ArrayLike) -> float:
@@ -36,13 +31,12 @@ def quantisation_step(values: ArrayLike) -> float:
     >>> quantisation_step([2.0, 2.5, 2.5, 4.0])
     0.5
     """
-    readings = np.asarray(values, dtype=float)
-    readings = np.unique(readings[np.isfinite(readings)])
+    readings = np.unique(_measured(values))
     if len(readings) < 2:
         return 0.0
     gaps = np.diff(readings)
-    gaps = gaps[gaps > 1e-9 * np.abs(readings).max()]
-    return float(gaps.min()) if len(gaps) else 0.0
+    least = float(gaps.min(where=gaps > 1e-9 * max(abs(readings[0]), abs(readings[-1])), initial=np.inf))
+    return least if np.isfinite(least) else 0.0
 
 
 def noise_floor(values: ArrayLike, step: float | None = None) -> float:
@@ -144,6 +138,13 @@ def estimate_noise(
     >>> round(estimate_noise(t, np.r_[x[:-1], 0.6], (0.0, 0.98)), 4)
     0.0289
     """
+    return quiet_noise(time, values, quiet, where=where)[0]
+
+
+def quiet_noise(
+    time: ArrayLike, values: ArrayLike, quiet: tuple[float, float], *, where: str | None = None
+) -> tuple[float, bool]:
+    """As `estimate_noise`, and whether it is what the readings scatter by, and not the least noise of the channel."""
     t, x = np.asarray(time, dtype=float), np.asarray(values, dtype=float)
     part = (t >= quiet[0]) & (t <= quiet[1])
     count = int(np.isfinite(x[part]).sum())
@@ -156,7 +157,8 @@ def estimate_noise(
         )
     # a quiet part of equal readings does not show the resolution, but the event does
     step = quantisation_step(x[part]) or quantisation_step(x)
-    return max(scatter(t[part], x[part]), noise_floor(x, step))
+    found, least = scatter(t[part], x[part]), noise_floor(x, step)
+    return max(found, least), found >= least
 
 
 def hold_length(values: ArrayLike) -> int:
@@ -169,13 +171,13 @@ def hold_length(values: ArrayLike) -> int:
     >>> hold_length(np.repeat(np.sin(np.arange(40.0)), 3)), hold_length(np.sin(np.arange(40.0)))
     (3, 1)
     """
-    x = np.asarray(values, dtype=float)
-    x = x[np.isfinite(x)]
+    x = _measured(values)
     if len(x) < 12:
         return 1
-    starts = np.flatnonzero(np.r_[True, np.diff(x) != 0])
-    lengths, jumps = np.diff(np.r_[starts, len(x)]), np.abs(np.diff(x[starts], prepend=x[0], append=x[-1]))
     clear = 10 * quantisation_step(x)
+    starts = np.flatnonzero(np.r_[True, np.diff(x) != 0])
+    jumps = np.abs(np.diff(x[starts], prepend=x[0], append=x[-1]))
+    lengths = np.diff(starts, append=len(x))
     # only runs with a clear jump at both ends: the signal did not rest there
     moving = (jumps[:-1] > clear) & (jumps[1:] > clear)
     repeated = lengths[moving & (lengths > 1)]
@@ -199,137 +201,3 @@ def drop_held(values: ArrayLike, hold: int) -> NDArray[np.float64]:
     since = index - np.maximum.accumulate(np.where(new, index, 0))
     x[since % hold != 0] = np.nan
     return x
-
-
-def detect_event(
-    time: ArrayLike, channels: Mapping[str, ArrayLike], *, least: float = 0.0, where: str | None = None
-) -> float:
-    """Find the instant at which the first channel leaves its quiet band for a clear move.
-
-    The band lies about the initial median. Its half width is the largest of six standard deviations of the noise, 5 %
-    of the channel's largest excursion, and `least`. Three readings in a row must lie outside. A move is clear where it
-    reaches 20 % of the largest excursion; smaller ones before it are taken for noise of the grid.
-
-    Parameters
-    ----------
-    time : array-like of shape (L,)
-        Seconds, increasing.
-    channels : mapping of str to array-like of shape (L,)
-        Readings with NaN for gaps.
-    least : float
-        Least half width of the band in the channels' unit.
-    where : str, optional
-        For the message.
-
-    Returns
-    -------
-    float
-        Time of the first reading outside, the earliest of all channels.
-
-    Raises
-    ------
-    InputError
-        If no channel leaves its band, or one moves from the first reading on.
-
-    Examples
-    --------
-    >>> t = np.arange(100) / 50
-    >>> detect_event(t, {"V": np.where(t < 1.0, 1.0, 0.7)})
-    1.0
-    """
-    t = np.asarray(time, dtype=float)
-    arrays = {name: np.asarray(values, dtype=float) for name, values in channels.items()}
-    onsets: dict[str, tuple[float, bool]] = {}
-    for name, x in arrays.items():
-        keep = np.isfinite(x)
-        move = first_move(t[keep], x[keep], least=least)
-        if move is not None:
-            onsets[name] = (float(t[keep][move.onset]), _rests(t[keep], x[keep], move.onset))
-    if onsets:
-        moving: str | None = min(onsets, key=lambda name: onsets[name][0])
-        start, rests = onsets[str(moving)]
-        if rests:
-            return start
-    else:
-        moving = next((name for name, x in arrays.items() if _moves_at_once(x, least)), None)
-    if moving:
-        raise InputError(
-            f"there is no quiet part: {moving!r} moves from its first reading on",
-            where=where,
-            allowed=f"at least {MIN_QUIET} readings before the event",
-            remedy="Use a recording that starts before the event, or give event_time; or state the values before it: "
-            "level",
-        )
-    raise InputError(
-        f"no event was found: {', '.join(channels) or 'no channel'} never leaves its quiet band",
-        where=where,
-        remedy="Give event_time, or check that the recording starts before the event",
-    )
-
-
-def _moves_at_once(values: _Array, least: float) -> bool:
-    """Whether the signal leaves its first three readings while the quiet band is still drawn from later ones.
-
-    It must do so by a fifth of its largest excursion and six times the noise, which differences of neighbours show.
-    """
-    x = values[np.isfinite(values)]
-    if len(x) < 2 * MIN_QUIET:
-        return False
-    distance = np.abs(x - np.median(x[:3]))
-    sigma = 1.4826 * float(np.median(np.abs(np.diff(x)))) / np.sqrt(2.0)
-    outside = distance > max(least, 6.0 * sigma, 0.2 * float(np.percentile(distance, 99)))
-    return bool((np.convolve(outside[: 2 * MIN_QUIET + 3], np.ones(3), mode="valid") == 3).any())
-
-
-def _rests(t: _Array, x: _Array, first: int) -> bool:
-    """Whether the readings before `first` start inside the band and drift by less than a tenth of the event."""
-    if first < 2:
-        return False
-    head = x[:first]
-    sigma = 1.4826 * float(np.median(np.abs(np.diff(head, 2)))) / np.sqrt(6.0) if first > 2 else 0.0
-    drift = abs(float(np.polyfit(t[:first], head, 1)[0])) * float(t[first - 1] - t[0])
-    excursion = float(np.percentile(np.abs(x - np.median(head)), 99))
-    return drift - 3 * sigma * float(np.sqrt(12 / first)) < 0.1 * excursion  # less the drift of mere noise
-
-
-class Move(NamedTuple):
-    """Indices of a clear move: where it begins to leave the quiet band, and where it is clear."""
-
-    onset: int
-    clear: int
-
-
-def first_move(
-    time: ArrayLike, values: ArrayLike, *, least: float = 0.0, clear: float = CLEAR
-) -> Move | None:
-    """First clear move of readings without gaps, None if there is none.
-
-    A move is clear from a part `clear` of the largest excursion on; see `detect_event`.
-    """
-    t, x = np.asarray(time, dtype=float), np.asarray(values, dtype=float)
-    if len(x) < 2 * MIN_QUIET:
-        return None
-    size = fewest = max(2 * MIN_QUIET, min(len(x) // 10, 20))
-    move = None
-    for _ in range(_ROUNDS):
-        distance = np.abs(x - float(np.median(x[:size])))
-        largest = float(np.percentile(distance, 99))
-        band = max(_SIGMAS * scatter(t[:size], x[:size]), _FRACTION * largest, least)
-        moved = _first_run(distance > max(band, clear * largest))
-        if moved is None:  # with more readings there is no move; fewer say too little
-            return move if size < fewest else None
-        # it begins behind the last readings in a row that lie in the band
-        inside = _first_run((distance <= band)[:moved][::-1])
-        before, move = move, Move(0 if inside is None else moved - inside, moved)
-        if move.onset == 0 or (before is not None and move.onset == before.onset):
-            break
-        size = min(2 * size, move.onset)  # a band from more readings
-    return move
-
-
-def _first_run(mask: NDArray[np.bool_]) -> int | None:
-    """Index at which a mask first holds `_PERSIST` times in a row, None if it never does."""
-    if len(mask) < _PERSIST:
-        return None
-    runs = np.convolve(mask, np.ones(_PERSIST, dtype=int), mode="valid") == _PERSIST
-    return int(np.argmax(runs)) if runs.any() else None

@@ -39,7 +39,7 @@ from errorscreen.data.sequences import (
     spec_of,
 )
 from errorscreen.data.table import Table
-from errorscreen.data.units import Column, unwrap
+from errorscreen.data.units import Bases, Column, unwrap
 from errorscreen.exceptions import InputError, unknown_name
 
 _Array = NDArray[np.float64]
@@ -63,7 +63,9 @@ class Waveforms:
     voltage : tuple of three str
         Headers, in the order of the phases.
     current : tuple of three str, optional
-        Headers, positive out of the plant; without them there are no P and Q.
+        Headers; without them there are no P and Q.
+    sign : {"generator", "load"}
+        Currents are positive out of the plant, or into it.
     line_to_line : bool
         The voltages are those between a and b, b and c, c and a.
     method : {"cycle", "P", "M"}
@@ -76,6 +78,7 @@ class Waveforms:
 
     voltage: tuple[str, ...]
     current: tuple[str, ...] = ()
+    sign: str = "generator"
     line_to_line: bool = False
     method: str = "cycle"
     rate: float | None = None
@@ -111,8 +114,12 @@ class Waveforms:
         further: Iterable[str],
         f_nominal: float,
         notes: list[str],
-    ) -> tuple[_Array, dict[str, _Array]]:
-        """Columns that follow, and the means of further columns, with their time; see `phasors`."""
+        bases: Bases | None = None,
+    ) -> tuple[_Array, dict[str, _Array], dict[str, _Array]]:
+        """Time, columns that follow by their names, and the means of further columns; see `phasors`.
+
+        `bases` are not used: whether 1 pu of a wave is its peak or its rms value, nobody can tell.
+        """
         if (np.diff(time) <= 0).any():
             raise InputError(
                 "time does not increase with each sample",
@@ -134,8 +141,9 @@ def as_waveforms(found: Waveforms | Mapping[str, Any], source: str) -> Waveforms
             )
     if len({*found.headers}) < len(found.headers):
         raise InputError("a column is named twice", where=where, allowed="a column for each phase")
-    if found.method not in METHODS:
-        raise unknown_name(found.method, METHODS, kind="method", where=where)
+    for key, allowed in (("method", METHODS), ("sign", ("generator", "load"))):
+        if getattr(found, key) not in allowed:
+            raise unknown_name(str(getattr(found, key)), allowed, kind=key, where=where)
     if found.rate is not None and not found.rate > 0:
         raise InputError(
             f"rate is {found.rate}", where=where, allowed="a positive number of phasors in a second"
@@ -174,10 +182,13 @@ def trios(channels: Sequence[tuple[str, str, str]], source: str) -> Waveforms:
             f"three voltages of the phases A, B and C are not beyond doubt; the channels are {listed}",
             where=source,
             allowed="columns of rms values, or waveforms",
-            remedy='Give waveforms = { voltage = ["VA", "VB", "VC"], current = ["IA", "IB", "IC"] }, or columns',
+            remedy='Give waveforms = { voltage = ["VA", "VB", "VC"], current = ["IA", "IB", "IC"] }, with voltage_unit '
+            "and current_unit where the record does not state V, kV, A or kA; or columns",
         )
     return Waveforms(
-        tuple(names["voltage"].values()), tuple(names["current"].values()), "AB" in names["voltage"]
+        tuple(names["voltage"].values()),
+        tuple(names["current"].values()),
+        line_to_line="AB" in names["voltage"],
     )
 
 
@@ -188,7 +199,7 @@ def phasors(
     further: Iterable[str],
     f_nominal: float,
     notes: list[str],
-) -> tuple[_Array, dict[str, _Array]]:
+) -> tuple[_Array, dict[str, _Array], dict[str, _Array]]:
     """Time in s; V in kV from line to line, angle in rad, f in Hz, P in MW and Q in Mvar, all of the positive sequence.
 
     Parameters
@@ -244,15 +255,15 @@ def phasors(
             scale * _phasor(table, header, time, at, spec.method, f_nominal) for header in spec.current
         ]
         doubt_currents(currents, spec.current, notes, table.source)
-        found |= power(one, _divided(sequences(currents)[0], passed))
-    for header in further:
-        found[header] = _windowed(table.numbers(header), time, at, "cycle", period).real
+        flowing = _divided(sequences(currents)[0], passed)
+        found |= power(one, flowing if spec.sign == "generator" else -flowing)
+    rest = {header: _windowed(table.numbers(header), time, at, "cycle", period).real for header in further}
     notes.append(
         f"V, angle, f, P and Q are of the positive sequence of {', '.join(spec.headers)}, by windows "
         f"of {2 * half:.3g} s around each instant (method {spec.method!r}): within half of that, values before and "
         "after a jump are mixed."
     )
-    return at, found
+    return at, found, rest
 
 
 def _phasor(table: Table, header: str, time: _Array, at: _Array, method: str, f_nominal: float) -> Phasor:

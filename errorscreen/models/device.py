@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -66,6 +66,26 @@ class GridInterface:
     names: Mapping[str, str] = field(default_factory=dict)
 
 
+class Note(NamedTuple):
+    """Sentence on what the model takes otherwise than its file says.
+
+    Parameters
+    ----------
+    text : str
+    constant : str
+        Constant whose value the sentence is about, which is not told where the user states it; empty for none.
+    """
+
+    text: str
+    constant: str = ""
+
+
+class Remark(str):
+    """Assumption about the model that the check of a case file tells, too."""
+
+    __slots__ = ()
+
+
 class SetPoint(NamedTuple):
     """Quantity of a device that a step of a set-point moves, see `errorscreen.models.set_points`.
 
@@ -102,6 +122,12 @@ class Device:
         The candidate parameters with typical values and ranges.
     constants : tuple of Constant
         All other values in the equations.
+    further : ParameterSpace
+        Constants that are candidates where the user names them, see `with_candidates`.
+    limits : tuple of str
+        Those of `further` that are limits.
+    notes : tuple of Note
+        What the model takes otherwise than its file says.
     states : tuple of str
     setpoints : tuple of str
         References that `initialise` computes, so that the device rests at the operating point.
@@ -160,6 +186,43 @@ class Device:
     words: Mapping[str, str] = field(default_factory=dict)
     imposed: tuple[str, str] = ("Vr", "Vi")
     outputs: tuple[str, ...] = ("P", "Q")
+    further: ParameterSpace = field(default_factory=lambda: ParameterSpace(()))
+    limits: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
+
+    def with_candidates(self, names: Iterable[str]) -> Device:
+        """Device with further candidates behind its own, for example the limits of an exciter.
+
+        Parameters
+        ----------
+        names : iterable of str
+            Of `further`, in any order; those that are candidates already stay as they are.
+
+        Raises
+        ------
+        InputError
+            If there is no such constant, or it is a flag, or zero where that means that the model lacks it.
+        """
+        wanted = {*names} - {*self.candidates.names}
+        for name in sorted(wanted - {*self.further.names}):
+            if name in (one.name for one in self.constants):
+                raise InputError(
+                    f"{name} is {self.constant_values()[name]:g} and cannot be a candidate",
+                    where=f"device {self.name!r}",
+                    allowed="numbers other than flags, buses, and zeros that mean that the model lacks something",
+                    remedy="The search offers flags by itself. Put a value that is not 0 into the model file where "
+                    "the model has what a zero stands for",
+                )
+            raise unknown_name(name, (*self.candidates.names, *self.further.names), kind="parameter")
+        if not wanted:
+            return self
+        return replace(
+            self,
+            candidates=ParameterSpace([*self.candidates, *(p for p in self.further if p.name in wanted)]),
+            further=ParameterSpace(p for p in self.further if p.name not in wanted),
+            constants=tuple(one for one in self.constants if one.name not in wanted),
+            limits=tuple(name for name in self.limits if name not in wanted),
+        )
 
     @property
     def inputs(self) -> tuple[str, ...]:

@@ -5,13 +5,11 @@ from __future__ import annotations
 import difflib
 import os
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 from errorscreen._runtime.display import Displayed, listed
 from errorscreen._runtime.persistence import write_bytes_atomic
@@ -26,21 +24,14 @@ from errorscreen.models.dyr_text import (
     read_text,
     replaced,
     spans,
+    torn_comments,
 )
-from errorscreen.models.part import Part
+from errorscreen.models.dyr_units import doubtful, is_source, misplaced, told_of, understood
 from errorscreen.models.standard import PARTS
-from errorscreen.models.unit import family_of, in_slots, unit
+from errorscreen.models.unit import in_slots, unit
 
 if TYPE_CHECKING:
     import pandas as pd
-
-
-class Known(NamedTuple):
-    """A record of a known model, with its place."""
-
-    part: Part
-    where: str
-    record: DyrRecord
 
 
 class DyrFile(Displayed):
@@ -71,7 +62,7 @@ class DyrFile(Displayed):
         self.path, self.text, self.encoding = Path(path), text, encoding
         parts, name = known_parts(), str(path)
         records: list[DyrRecord] = []
-        self._strays: list[Stray] = []
+        self._strays = [*map(self._torn, torn_comments(text))]
         for span in spans(text):
             one = record_of(name, text, span, parts)
             if isinstance(one, DyrRecord):
@@ -93,7 +84,7 @@ class DyrFile(Displayed):
     @property
     def units(self) -> list[tuple[Bus, str]]:
         """Bus and identifier of each unit, in the order of the file; voltage sources (GENCLS with H = 0) are none."""
-        return [key for key, records in self._by_unit.items() if not _is_source(records)]
+        return [key for key, records in self._by_unit.items() if not is_source(records)]
 
     def unit(
         self,
@@ -131,14 +122,14 @@ class DyrFile(Displayed):
                 name, [one.model for one in records], kind="model", where=f"unit {key[0]} {key[1]!r}"
             )
         kept = [one for one in records if one.model not in left_out]
-        return unit([one.checked() for one in kept], inputs=inputs, identifier=key[1])
+        return unit([one.checked() for one in kept], inputs=inputs, identifier=key[1], bus=key[0])
 
     def check(self) -> list[str]:
         """All problems of the file, each with its line."""
         found = [(stray.line, stray.error) for stray in self._strays]
         legible: dict[str, list[tuple[DyrRecord, list[float]]]] = {}
         for records in self._by_unit.values():
-            if _is_source(records):
+            if is_source(records):
                 continue
             for one in records:
                 values = one.values
@@ -146,9 +137,9 @@ class DyrFile(Displayed):
                 found += [(one.line, error) for error in errors]
                 if one.part and not errors:
                     legible.setdefault(one.part.name, []).append((one, [value.value for value in values]))
-            found += [(records[0].line, error) for error in _misplaced(records)]
+            found += [(records[0].line, error) for error in misplaced(records)]
         for group in legible.values():
-            for one in _doubtful(group):
+            for one in doubtful(group):
                 found += [(one.line, error) for error in one.problems(one.values)]
         return [str(error) for _, error in sorted(found, key=lambda one: one[0])]
 
@@ -175,11 +166,12 @@ class DyrFile(Displayed):
         return pd.DataFrame(rows, columns=columns)
 
     def summary(self) -> str:
-        """Units with their models, in words."""
+        """Units with their models, and what these take otherwise than the file says, in words."""
         lines = [f"{self.path}: {len(self.records)} records, {len(self._by_unit)} units"]
         for (bus, id), records in islice(self._by_unit.items(), 20):
             names = [one.model if one.part else f"{one.model} (unknown)" for one in records]
             lines.append(f"  {bus} {id!r}: {', '.join(names)}")
+            lines += [f"    {text}" for text in told_of(records, bus)]
         if len(self._by_unit) > 20:
             lines.append(f"  and {len(self._by_unit) - 20} more")
         if self._strays:
@@ -202,7 +194,7 @@ class DyrFile(Displayed):
             If a name is unknown, or a record could not be used with the new values.
         """
         key = self.key(bus, id)
-        records, models = _known(self._by_unit[key]), {name.partition(".")[0] for name in values}
+        records, models = understood(self._by_unit[key]), {name.partition(".")[0] for name in values}
         # of two models in a slot one may be left out; the same model twice leaves open which one is meant
         in_slots(known for known in records if known.part.name in models)
         places = {
@@ -305,6 +297,14 @@ class DyrFile(Displayed):
                 stacklevel=3,
             )
 
+    def _torn(self, line: int) -> Stray:
+        error = InputError(
+            "a comment /* goes on over several lines, of which only the first one counts as a comment",
+            where=f"{self.path}:{line}",
+            remedy="Begin each line of a comment with //",
+        )
+        return Stray(line, None, error)
+
     def _refuse_other_files(self) -> None:
         """Refuse a file without a known model if it is of another format, or has no record at all."""
         where, kind = f"file {self.path}", other_format(self.text)
@@ -339,37 +339,6 @@ class DyrFile(Displayed):
             "units": len(self._by_unit),
             **({"records of unknown models": unknown} if unknown else {}),
         }
-
-
-def _known(records: Iterable[DyrRecord]) -> list[Known]:
-    return [Known(one.part, one.where, one) for one in records if one.part]
-
-
-def _misplaced(records: Sequence[DyrRecord]) -> Iterator[InputError]:
-    """Records of a unit that do not fit together."""
-    known = _known(records)
-    try:
-        slots = in_slots(known)
-        if len(known) == len(records):  # else the unknown one may be the machine
-            family_of(slots)
-    except InputError as error:
-        yield error
-
-
-def _doubtful(group: Sequence[tuple[DyrRecord, list[float]]]) -> Iterator[DyrRecord]:
-    """Records of one model with a value out of its range, or a broken rule: of thousands, only these are looked at."""
-    part, values = group[0][0].part, np.array([values for _, values in group])
-    bad = np.zeros(len(group), dtype=bool)
-    if part is not None:
-        for one, column in zip(part.fields, values.T, strict=True):
-            bad |= np.isin(column, [value for value in np.unique(column) if not one.accepts(value)])
-        for wrong in part.broken({one.name: values[:, k] for k, one in enumerate(part.fields)}).values():
-            bad |= wrong
-    return (group[k][0] for k in np.flatnonzero(bad).tolist())
-
-
-def _is_source(records: Sequence[DyrRecord]) -> bool:
-    return len(records) == 1 and records[0].voltage_source
 
 
 def read_dyr(path: str | os.PathLike[str]) -> DyrFile:

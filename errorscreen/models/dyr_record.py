@@ -20,6 +20,12 @@ from errorscreen.models.unit import Record
 Bus = int | str
 #: fields in front of the values: bus, name, identifier; those of the library form are behind them
 HEADER, LIBRARY = 3, ("NAME", "IC", "IT", "NI", "NC", "NS", "NV")
+#: slots by the code IC of the library form
+_SLOTS = {
+    "1": "machine", "2": "compensator", "3": "stabiliser", "4": "exciter", "5": "governor", "9": "under_excitation",
+    "10": "over_excitation", "101": "converter", "102": "electrical_control", "103": "drive_train",
+    "104": "pitch_control", "105": "aerodynamics", "107": "plant_control", "108": "torque_control",
+}  # fmt: skip
 
 
 class DyrValue(NamedTuple):
@@ -178,7 +184,7 @@ class DyrRecord:
         if self.part is None:
             yield unknown_name(
                 self.model,
-                [part.name for part in known_parts().values()],
+                self._likely_models(),
                 kind="model",
                 where=self.where,
                 remedy=f"Where the model plays no role, leave it out: unit(..., leave_out=[{self.model!r}])",
@@ -188,11 +194,25 @@ class DyrRecord:
         elif self._library:
             yield from self._misannounced(self.part)
 
+    def _likely_models(self) -> list[str]:
+        """Names of all known models, in the library form of those of its kind."""
+        parts = known_parts()
+        codes = [token.text for token in self._head[1:2]] if self._library else []
+        slot = _SLOTS.get("".join(codes), "")
+        return [name for name, part in parts.items() if part.slot == slot] or [*parts]
+
+    @property
+    def _head(self) -> list[Token]:
+        """Header of the library form."""
+        return [*islice(tokens(self._text, self._span.lines), HEADER, HEADER + len(LIBRARY))]
+
     def _miscounted(self, part: Part, values: Sequence[DyrValue]) -> InputError:
         names, found = [one.symbol for one in part.fields], len(values)
         texts = [one.token.text for one in values[len(names) :]]
         remedy = f"Values behind {names[-1]}: {listed(texts)}" if texts else ""
-        if not texts:
+        if any("*" in one.token.text for one in values):
+            remedy = "Write each value of a repetition out: 0.0 0.0 for 2*0.0"
+        elif not texts:
             remedy = f"If the first ones are in order, these are missing: {', '.join(names[found:])}"
         return InputError(
             f"the record has {found} values",
@@ -202,7 +222,7 @@ class DyrRecord:
         )
 
     def _misannounced(self, part: Part) -> Iterator[InputError]:
-        head = list(islice(tokens(self._text, self._span.lines), HEADER, HEADER + len(LIBRARY)))
+        head = self._head
         counts = [number(token.text) for token in head[1:]]
         if counts[2] + counts[3] != len(part.fields):
             found = ", ".join(

@@ -142,6 +142,26 @@ def spans(text: str) -> Iterator[Span]:
         yield Span(tuple(lines), ended=False)
 
 
+def torn_comments(text: str) -> Iterator[int]:
+    r"""Lines with a ``/*`` whose ``*/`` stands on a later line.
+
+    Examples
+    --------
+    >>> [*torn_comments("/* one line */\n/* two\nlines */\n/* no end")]
+    [2]
+    """
+    opened = 0
+    if "/*" not in text or "*/" not in text:
+        return
+    for number, found in enumerate(LINE.finditer(text), start=1):
+        begin, end = found[1].rfind("/*"), found[1].rfind("*/")
+        if opened and end >= 0:
+            yield opened
+            opened = 0
+        if begin >= 0:
+            opened = number if end < begin else 0
+
+
 def end_of_code(text: str, start: int, end: int) -> int:
     """End of a line without its comment."""
     slash = text.find("/", start, end)

@@ -22,6 +22,8 @@ from errorscreen.parameters import DOMAINS, Parameter
 
 Values = dict[str, NDArray[np.float64]]
 
+#: range of a constant of zero that has no usual one
+AROUND_ZERO = 0.5
 #: slots of a synchronous unit and of a converter unit, in the order of evaluation; the first one meets the grid
 SLOTS = (
     (
@@ -59,9 +61,11 @@ class Field:
     typical : float
         A usual value.
     lower, upper : float, optional
-        Usual range in which it may move in a fit; a constant without one is not a candidate.
+        Usual range in which it may move in a fit; a constant without one is a candidate only where it is named.
     absent_at_zero : bool
         A value of zero means that the model lacks this, so that it is no candidate: an effect may add it.
+    limit : bool
+        A limit, which shows only in recordings that reach it, so that it is a candidate only where it is named.
     allowed : str
         ``""``, ``"> 0"``, ``">= 0"``, ``"<= 0"``, ``"a .. b"``, or integers ``"0, 1"``.
     integer : bool
@@ -78,6 +82,7 @@ class Field:
     allowed: str = ""
     integer: bool = False
     absent_at_zero: bool = False
+    limit: bool = False
 
     def accepts(self, value: float) -> bool:
         """Whether a value lies in the allowed range."""
@@ -99,6 +104,28 @@ class Field:
         if self.lower is None or self.upper is None or (self.absent_at_zero and value == 0):
             return None
         lower, upper = min(self.lower, value - 0.3 * abs(value)), max(self.upper, value + 0.3 * abs(value))
+        return self._moving(value, prefix, lower, upper)
+
+    def on_request(self, value: float, prefix: str) -> Parameter | None:
+        """Candidate where the user names this constant, which has no usual range; None for flags and what is absent.
+
+        The range is half to twice the value, and `AROUND_ZERO` around zero, as far as the value is allowed there.
+        """
+        if self.integer or self.lower is not None or (self.absent_at_zero and value == 0):
+            return None
+        lower, upper = sorted((0.5 * value, 2.0 * value)) if value else (-AROUND_ZERO, AROUND_ZERO)
+        least, most = self._ends
+        return self._moving(value, prefix, max(lower, least), min(upper, most))
+
+    @property
+    def _ends(self) -> tuple[float, float]:
+        """Ends of the allowed values."""
+        if ".." in self.allowed:
+            low, high = (float(end) for end in self.allowed.split(".."))
+            return low, high
+        return 0.0 if self.allowed[:1] == ">" else -math.inf, 0.0 if self.allowed[:1] == "<" else math.inf
+
+    def _moving(self, value: float, prefix: str, lower: float, upper: float) -> Parameter:
         return Parameter(
             f"{prefix}.{self.name}", value, lower, upper, self.unit, prefix, self.symbol, self.description,
             scale=abs(value) or upper - lower, domain=self.allowed if self.allowed in DOMAINS else "",
@@ -108,8 +135,8 @@ class Field:
 def record(rows: str) -> tuple[Field, ...]:
     """Fields of a record from ``name [= symbol] | unit | typical | range | allowed | description`` a line.
 
-    The order is that of the record in a DYR file. A range is ``a .. b``, ``a .. b unless 0`` or ``-``; the unit of a
-    flag is ``code``.
+    The order is that of the record in a DYR file. A range is ``a .. b``, ``limit`` or ``-``, perhaps with ``unless 0``
+    behind it; the unit of a flag is ``code``.
 
     Examples
     --------
@@ -129,6 +156,7 @@ def record(rows: str) -> tuple[Field, ...]:
                 allowed="" if allowed in ("any", "-") else allowed,
                 integer=unit in ("code", "bus", "id"),
                 absent_at_zero=bool(unless),
+                limit=span == "limit",
             )
         )  # fmt: skip
     return tuple(fields)
@@ -153,6 +181,23 @@ class Limit(NamedTuple):
     names: tuple[str, str]
 
 
+class Conflict(NamedTuple):
+    """Values of records that contradict each other, or the start.
+
+    Parameters
+    ----------
+    found : ndarray of bool, shape (n,) or ()
+        Rows that have it.
+    text : str
+        Sentence with the names of `values` in braces.
+    values : mapping of str to ndarray
+    """
+
+    found: NDArray[np.bool_]
+    text: str
+    values: Values
+
+
 class Start(NamedTuple):
     """Equilibrium of a part.
 
@@ -162,11 +207,13 @@ class Start(NamedTuple):
     setpoints : mapping of str to ndarray
         References and other constants that follow from the start.
     limits : tuple of Limit
+    conflicts : tuple of Conflict
     """
 
     states: Values
     setpoints: Values
     limits: tuple[Limit, ...] = ()
+    conflicts: tuple[Conflict, ...] = ()
 
 
 def no_start(values: Values) -> Start:
@@ -207,6 +254,8 @@ class Part:
         What outside trajectory the part is compared with; empty: none.
     aliases : tuple of str
         Other names of the same record.
+    gate : str
+        State of a governor that is the gate or valve; empty where it has none.
     behind : callable, optional
         Of a converter: its current ``Ir``, ``Ii`` on the voltage ``Er``, ``Ei`` behind ``R_grid`` + j ``X_grid``.
     """
@@ -226,6 +275,7 @@ class Part:
     source: str = ""
     checked: str = ""
     aliases: tuple[str, ...] = field(default=())
+    gate: str = ""
     behind: Equations | None = None
 
     @property

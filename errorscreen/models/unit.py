@@ -11,8 +11,9 @@ from errorscreen.effects.flags import other_flag
 from errorscreen.engine.stages import Call, stage, writes_of
 from errorscreen.exceptions import InputError
 from errorscreen.models.device import Constant, Device, GridInterface
-from errorscreen.models.limiters.none import NO_OVER_EXCITATION, NO_UNDER_EXCITATION
-from errorscreen.models.part import SLOTS, Part, Start, Values
+from errorscreen.models.empty_slots import NULL_PARTS
+from errorscreen.models.notes import notes_of
+from errorscreen.models.part import SLOTS, Part
 from errorscreen.models.recorded_inputs import RECORDED, REPLACED, take_replaced
 from errorscreen.models.set_points import set_points
 from errorscreen.models.unit_start import UnitStart
@@ -23,121 +24,16 @@ from errorscreen.parameters import ParameterSpace
 SHORTEST = 0.8
 
 
-@stage("Vc")
-def no_compensation(V: Any) -> Any:
-    """Voltage that an exciter controls, of a unit without load compensation."""
-    return (V,)
-
-
-@stage("Vs")
-def no_stabiliser(omega: Any) -> Any:
-    """Signal of a stabiliser that is not there."""
-    return (0.0 * omega,)
-
-
-@stage("Efd")
-def constant_field(Efd0: Any) -> Any:
-    """Field voltage of a unit without exciter."""
-    return (Efd0,)
-
-
-@stage("Pm")
-def constant_power(Pm0: Any) -> Any:
-    """Mechanical power of a unit without governor."""
-    return (Pm0,)
-
-
-@stage("Pref", "Qext")
-def constant_references(Pref0: Any, Qext0: Any) -> Any:
-    """References of a converter unit without control of the plant."""
-    return Pref0, Qext0
-
-
-@stage("Pset", "wref")
-def no_torque_control(Pref: Any, wg0: Any) -> Any:
-    """Order of power and reference of speed of a converter unit without torque control."""
-    return Pref, wg0
-
-
-def unit_speed(v: Values) -> Start:
-    """Speed at the start of a converter unit without torque control."""
-    return Start({}, {"wg0": 0.0 * v["V"] + 1.0})
-
-
-@stage("theta")
-def constant_pitch(theta0: Any) -> Any:
-    """Pitch of a converter unit without its control."""
-    return (theta0,)
-
-
-@stage("Pm")
-def constant_wind(Pm0: Any) -> Any:
-    """Mechanical power of a converter unit without aerodynamics."""
-    return (Pm0,)
-
-
-def power_of_wind(v: Values) -> Start:
-    """Mechanical power at the start of a converter unit without aerodynamics."""
-    return Start({}, {"Pm0": v["P"], "theta0": 0.0 * v["V"]})
-
-
-@stage("wt", "wg")
-def constant_speed(wg0: Any) -> Any:
-    """Speeds of a converter unit without drive train."""
-    return wg0, wg0
-
-
-@stage("Ipcmd", "Iqcmd", "Pord", "dip")
-def constant_currents(Ip0: Any, Iq0: Any, Pref0: Any) -> Any:
-    """Commands of a converter unit without electrical control, and what a wind turbine asks of it."""
-    return Ip0, Iq0, Pref0, 0.0 * Ip0
-
-
-def powers(v: Values) -> Start:
-    """References of a converter unit without electrical control: the powers of the start."""
-    return Start({}, {"Pref0": v["P"], "Qext0": v["Q"], "by_speed": 0.0 * v["P"]})
-
-
 @stage("speed_reference")
 def speed_reference(value: Any) -> Any:
     """Reference that a governor compares the speed with."""
     return (value,)
 
 
-def _null(name: str, slot: str, title: str, function: Any) -> Part:
-    return Part(name, slot, title, (), (function,), writes_of(function))
-
-
-#: what stands in an empty slot
-NULL_PARTS = {
-    part.slot: part
-    for part in (
-        _null("no compensation", "compensator", "no load compensation", no_compensation),
-        _null("no stabiliser", "stabiliser", "no stabiliser", no_stabiliser),
-        NO_OVER_EXCITATION,
-        NO_UNDER_EXCITATION,
-        _null("constant field", "exciter", "constant field voltage", constant_field),
-        _null("constant power", "governor", "constant mechanical power", constant_power),
-        _null("constant references", "plant_control", "constant references", constant_references),
-        _null("constant speed", "drive_train", "constant speed", constant_speed),
-        _null("constant pitch", "pitch_control", "constant pitch", constant_pitch),
-        Part(
-            "constant wind", "aerodynamics", "constant wind", (), (constant_wind,),
-            ports=("Pm", "Pm0", "theta0"), setpoints=("Pm0", "theta0"), start=power_of_wind,
-        ),
-        Part(
-            "no torque control", "torque_control", "no torque control", (), (no_torque_control,),
-            ports=("Pset", "wref", "wg0"), setpoints=("wg0",), start=unit_speed,
-        ),
-        Part(
-            "constant currents", "electrical_control", "constant currents", (), (constant_currents,),
-            ports=("Ipcmd", "Iqcmd", "Pord", "dip", "Pref0", "Qext0", "by_speed"),
-            setpoints=("Pref0", "Qext0", "by_speed"), start=powers,
-        ),
-    )
-}  # fmt: skip
 #: channels of a synchronous unit that may be recorded beside P and Q, in pu, and their quantities
 MACHINE_CHANNELS = {"Efd": "Efd", "If": "If", "Pm": "Pm", "speed": "omega"}
+#: constant of a unit whose record refers to the rating of its turbine: the base of the machine in MVA
+MACHINE_BASE = "MBASE"
 #: ports of a synchronous unit at which effects may act
 MACHINE_PORTS = {
     "Efd": "field voltage in pu",
@@ -240,7 +136,12 @@ def family_of(slots: Mapping[str, Placed]) -> tuple[str, ...]:
 
 
 def unit(
-    records: Sequence[Record], *, name: str = "", inputs: Iterable[str] = (), identifier: str = ""
+    records: Sequence[Record],
+    *,
+    name: str = "",
+    inputs: Iterable[str] = (),
+    identifier: str = "",
+    bus: int | str = "",
 ) -> Device:
     """Device of a unit from its records, in any order.
 
@@ -255,6 +156,8 @@ def unit(
         replace do not count; see `errorscreen.models.recorded_inputs`.
     identifier : str, optional
         Of the unit at its bus, for titles of effects.
+    bus : int or str, optional
+        Of the unit, for what a record says of other buses.
 
     Raises
     ------
@@ -268,32 +171,28 @@ def unit(
     filled |= {RECORDED[name].slot: RECORDED[name] for name in driven}
     parts = tuple(part for part in filled.values() if part is not None)
     frame, of_machine = parts[0], family[0] == "machine"
-    candidates, fixed = [], []
-    for one in (slots[slot] for slot in family if slot in slots):
-        for item in one.part.fields:
-            value = one.values[item.name]
-            parameter = item.parameter(value, one.part.name)
-            if item.name == "S12" and one.values["S10"] == 0:
-                parameter = None  # S(1.0) = 0 means no saturation
-            if parameter is not None:
-                candidates.append(parameter)
-            else:
-                fixed.append(Constant(f"{one.part.name}.{item.name}", value, item.unit, item.description))
-    calls = [part.call(function) for part in parts for function in part.stages]
+    placed = [slots[slot] for slot in family if slot in slots]
+    candidates, further, fixed = _sorted_out(placed)
+    # a stabiliser of accelerating power reads the mechanical power
+    in_turn = sorted(parts, key=lambda part: (part is not frame, part.slot != "governor"))
+    calls = [part.call(function) for part in in_turn for function in part.stages]
     calls += [part.call(function) for part in parts for function in part.closing]
     points = set_points(slots)
     governed = "governor" in slots and "Fref" in points
     if governed:
         calls = _with_speed_reference(calls, points["Fref"].name)
     return Device(
-        name=name or "+".join(slots[slot].part.name for slot in family if slot in slots),
-        title=", ".join(
-            [
-                *(slots[slot].part.title for slot in family if slot in slots),
-                *(RECORDED[name].title for name in driven),
-            ]
+        name=name or "+".join(one.part.name for one in placed),
+        title=", ".join([*(one.part.title for one in placed), *(RECORDED[name].title for name in driven)]),
+        candidates=candidates,
+        further=further,
+        limits=tuple(
+            name
+            for one in placed
+            for item in one.part.fields
+            if item.limit and (name := f"{one.part.name}.{item.name}") in further
         ),
-        candidates=ParameterSpace(candidates),
+        notes=tuple(notes_of(slots, bus)),
         constants=(
             *fixed,
             Constant("Ra", 0.0, "pu", "armature resistance"),
@@ -312,8 +211,8 @@ def unit(
         else CONVERTER_PORTS,
         needs_angle=True,
         grid=_behind_impedance(frame),
-        source="; ".join(slots[slot].part.source for slot in family if slot in slots),
-        recordable={n: q for n, q in MACHINE_CHANNELS.items() if n not in driven} if of_machine else {},
+        source="; ".join(one.part.source for one in placed),
+        recordable=_recordable(filled["governor"], driven) if of_machine else {},
         tags=tuple(_tags(family, slots, driven)),
         driven=driven,
         set_points=points,
@@ -323,6 +222,32 @@ def unit(
             **{slot: one.part.name for slot, one in slots.items()},
         },
     )
+
+
+def _sorted_out(placed: Iterable[Record]) -> tuple[ParameterSpace, ParameterSpace, list[Constant]]:
+    """Candidates, constants that are candidates where the user names them, and constants."""
+    candidates, further, fixed = [], [], []
+    for one in placed:
+        for item in one.part.fields:
+            value, prefix = one.values[item.name], one.part.name
+            absent = item.name == "S12" and one.values["S10"] == 0  # S(1.0) = 0 means no saturation
+            if not absent and (parameter := item.parameter(value, prefix)) is not None:
+                candidates.append(parameter)
+                continue
+            fixed.append(Constant(f"{prefix}.{item.name}", value, item.unit, item.description))
+            if (parameter := item.on_request(value, prefix)) is not None:
+                further.append(parameter)
+    if any(one.values.get("TRATE") for one in placed):
+        fixed.append(Constant(MACHINE_BASE, 0.0, "MVA", "base of the machine, that of the recording"))
+    return ParameterSpace(candidates), ParameterSpace(further), fixed
+
+
+def _recordable(governor: Part | None, driven: Iterable[str]) -> dict[str, str]:
+    """Channels of a machine that are compared where they were recorded, and their quantities."""
+    found = {name: quantity for name, quantity in MACHINE_CHANNELS.items() if name not in driven}
+    if governor is not None and governor.gate:
+        found["gate"] = governor.qualified(governor.gate)
+    return found
 
 
 def _with_speed_reference(calls: list[Call], reference: str) -> list[Call]:

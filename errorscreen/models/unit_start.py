@@ -4,14 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from errorscreen.models.part import Limit, Part, Values, in_words
+from errorscreen.models.part import Conflict, Limit, Part, Values, in_words
 
 #: how far beyond a limit a unit may start, relative to the limit or 1 pu: recorded starts are that inexact
 SLACK = 0.02
+
+
+class Explained(NamedTuple):
+    """Start of a unit: states, references, what it starts from, and rows whose constants allow it."""
+
+    states: Values
+    setpoints: Values
+    conflicts: list[Conflict]
+    limits: list[Limit]
+    fits: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -26,14 +37,15 @@ class UnitStart:
 
     def __call__(self, values: Values) -> tuple[Values, Values, NDArray[np.bool_]]:
         """States, references, and rows that start within all limits and whose constants keep all rules."""
-        states, setpoints, limits, fits = self.explain(values)
-        for limit in limits:
+        start = self.explain(values)
+        fits = start.fits
+        for limit in start.limits:
             low, high = _slack(limit)
             fits = fits & (limit.value >= low) & (limit.value <= high)
-        return states, setpoints, fits
+        return start.states, start.setpoints, fits
 
-    def explain(self, values: Values) -> tuple[Values, Values, list[Limit], NDArray[np.bool_]]:
-        """States, references, limits with the start between them, and rows whose constants keep all rules."""
+    def explain(self, values: Values) -> Explained:
+        """States, references, conflicts, limits with the start between them, and rows that keep all rules."""
         known = {
             **values,
             "Vr": values["V"] * np.cos(values["angle"]),
@@ -42,6 +54,7 @@ class UnitStart:
         states: Values = {}
         setpoints: Values = {}
         limits: list[Limit] = []
+        conflicts: list[Conflict] = []
         fits = np.ones_like(values["V"], dtype=bool)
         for part in self.parts:
             local = part.local(known)
@@ -53,13 +66,18 @@ class UnitStart:
                 part.qualified(name): value + 0.0 * values["V"] for name, value in start.setpoints.items()
             }
             limits += [limit._replace(quantity=f"{part.name}: {limit.quantity}") for limit in start.limits]
+            conflicts += [one._replace(text=f"{part.name}: {one.text}") for one in start.conflicts]
+            for one in start.conflicts:
+                fits = fits & ~one.found
             known |= states | setpoints
+            if "Pm0" in known:  # the same at rest, also where a recorded Pm is not known yet
+                known.setdefault("Pm", known["Pm0"])
             for function in part.stages:
                 call = part.call(function)
                 if known.keys() >= {*call.reads}:
                     written = function(*(known[name] for name in call.reads))
                     known |= dict(zip(call.writes, written, strict=True))
-        return states, setpoints, limits, fits
+        return Explained(states, setpoints, conflicts, limits, fits)
 
     def problems(self, values: Values, row: int = 0) -> list[str]:
         """Why a row cannot start: which record, which number, which limit, and what would fit."""
@@ -71,6 +89,11 @@ class UnitStart:
                     symbols = {one.name: one.symbol for one in part.fields if one.name in rule}
                     found = ", ".join(f"{symbols[name]} = {_at(local[name], row):.4g}" for name in symbols)
                     sentences.append(f"{part.name}: {found}, where {in_words(rule, symbols)} must hold")
+        sentences = sentences or [
+            one.text.format(**{name: _at(value, row) for name, value in one.values.items()})
+            for one in self.explain(values).conflicts
+            if np.broadcast_to(one.found, values["V"].shape)[row]
+        ]
         return sentences or [told for told, refused in self._outside(values, row) if refused]
 
     def moved_limits(self, values: Values, row: int = 0) -> list[str]:
@@ -83,7 +106,7 @@ class UnitStart:
 
     def _outside(self, values: Values, row: int) -> Iterator[tuple[str, bool]]:
         """Quantities that start outside their limits, in words, and whether by more than recordings err."""
-        for limit in self.explain(values)[2]:
+        for limit in self.explain(values).limits:
             low, high = _slack(limit)
             value, lower, upper = (_at(one, row) for one in (limit.value, limit.lower, limit.upper))
             refused = not _at(low, row) <= value <= _at(high, row)

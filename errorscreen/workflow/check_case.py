@@ -18,6 +18,7 @@ from errorscreen.effects import EFFECTS, common_skew, measurement_effects, mva_b
 from errorscreen.events import Playback
 from errorscreen.exceptions import DataWarning, InputError, MissingExtraError, unknown_name
 from errorscreen.learning.regressors import require_network
+from errorscreen.models.device import Remark
 from errorscreen.screening import SCREENERS
 from errorscreen.workflow.run import nominal_response
 from errorscreen.workflow.study import Study
@@ -103,6 +104,9 @@ def check_case(path: str | os.PathLike[str]) -> Checked:
         for where, section in examined.recordings.items():
             found = recording_problems(section, folder)
             problems += [f"[{where}] {text}" for text in found]
+        for where, section in examined.mended.items():
+            found = recording_problems(section, folder, only_columns=True)
+            problems += [f"[{where}] {text}" for text in found]
         if case is None:
             return Checked(tuple(dict.fromkeys(problems)), ())
         problems += _missing_extras(case)
@@ -117,12 +121,15 @@ def check_case(path: str | os.PathLike[str]) -> Checked:
                 nominal_response(study.simulator, one)
         except InputError as error:
             return Checked((str(error),), tuple(suspects))
-        advice = (*filter(None, [study.typical]), *_long_recordings(study))
+        advice = (*filter(None, [study.typical]), *_remarks(study), *_long_recordings(study))
         return Checked((), tuple(suspects), _expected_seconds(study), advice)
 
 
-def recording_problems(section: RecordingSection, folder: Path) -> list[str]:
-    """All problems of a recording: a column that cannot be used is left out to see the others."""
+def recording_problems(section: RecordingSection, folder: Path, *, only_columns: bool = False) -> list[str]:
+    """All problems of a recording: a column that cannot be used is left out to see the others.
+
+    With `only_columns`, which is for a section without its wrong keys, these and a file that is not there.
+    """
     found: list[str] = []
     columns = dict(section.columns)
     while True:
@@ -132,6 +139,8 @@ def recording_problems(section: RecordingSection, folder: Path) -> list[str]:
         except InputError as error:
             culprits = [role for role in columns if _names(error, role, section)]
             last = bool(found) and not culprits
+            if only_columns and not culprits and (folder / section.path).exists():
+                return found
             if not last or "event" not in error.what:  # without a column, an event may not be seen
                 found.append(str(error))
             if not culprits or len(columns) == len(culprits):
@@ -207,6 +216,12 @@ def _long_recordings(study: Study) -> Iterator[str]:
                 f"{one.event.name} lasts {length:.3g} s. t_start = {window[0]:.6g} and t_end = {window[1]:.6g} would "
                 f"keep the event and make the run about {length / part:.2g} times shorter."
             )
+
+
+def _remarks(study: Study) -> list[str]:
+    """What the model takes otherwise than its file says, channels that it does not have, and limits that act."""
+    texts = [text for one in study.observations for text in one.assumptions if isinstance(text, Remark)]
+    return [*dict.fromkeys(texts)]
 
 
 def _expected_seconds(study: Study) -> tuple[float, float]:

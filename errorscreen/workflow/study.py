@@ -18,6 +18,7 @@ from errorscreen.discovery.search_step import search_simulator
 from errorscreen.exceptions import InputError
 from errorscreen.models import Device
 from errorscreen.models.dyr import DyrFile
+from errorscreen.models.unit import MACHINE_BASE
 from errorscreen.report.result import Role
 from errorscreen.simulators import Connection, PlantSimulator
 from errorscreen.simulators.base import Simulator
@@ -247,6 +248,8 @@ def _between(
         connection = network.connection
         constants, differences = network.constants_with(constants)
         told = [*network.notes, *differences]
+        if MACHINE_BASE in device.constant_values():
+            constants = {MACHINE_BASE: network.base_mva / len(network.units), **constants}
     if "with plant_control" in device.tags:
         told.append(
             "The plant controller measures at the terminal of the unit, not at the recorded point, whatever bus its "

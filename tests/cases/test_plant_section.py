@@ -81,6 +81,22 @@ def test_equal_units_of_both_files_count_as_one(tmp_path):
         es.load_case(written(tmp_path, text, both, device=device))
 
 
+def test_the_rating_of_a_turbine_is_on_the_base_of_one_unit(tmp_path):
+    one = NETWORK["GENERATOR"][33].splitlines()[0]
+    text = raw_text(GENERATOR=f"{one}\n{one.replace(chr(39) + '1 ', chr(39) + '2 ')}")
+    values = {**PARTS["GGOV1"].typical, "TRATE": 180.0}
+    both = "".join(
+        DYR.format(id=id) + f"1 'GGOV1' {id} {' '.join(f'{v:g}' for v in values.values())} /\n"
+        for id in (1, 2)
+    )
+    device = f"{FILE}\nbus = 1\nid = 1"
+    case = es.load_case(written(tmp_path, text, both, base_mva=400.0, device=device))
+    assert Study.from_case(case).simulator.constants["MBASE"] == 200.0
+    stated = f"{device}\nconstants = {{ MBASE = 250 }}"
+    case = es.load_case(written(tmp_path, text, both, base_mva=400.0, device=stated))
+    assert Study.from_case(case).simulator.constants["MBASE"] == 250.0
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [

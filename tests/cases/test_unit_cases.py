@@ -7,6 +7,7 @@ from errorscreen.cases.case_file import case_reference, load_case
 from errorscreen.events import SetPointStep
 from errorscreen.exceptions import InputError
 from errorscreen.simulators import PlantSimulator
+from errorscreen.workflow.check_case import check_case
 
 DYR = """\
 1 'GENROU' 1  6.0 0.04 0.8 0.06 4.0 0.0 1.8 1.7 0.3 0.5 0.22 0.15 0.1 0.4 /
@@ -125,3 +126,24 @@ def test_inputs_and_steps_need_a_model_file_or_a_device(tmp_path):
 
 def test_the_reference_lists_the_keys_of_a_step():
     assert "### `[recording.step]`" in case_reference("recording")
+
+
+def test_a_limit_is_a_candidate_where_the_case_names_it(tmp_path):
+    device = "constant_frequency = true\n"
+    default = load_case(written(tmp_path, device=device)).parameters().names
+    bounds = '[device.parameters]\n"SEXS.EMAX" = { lower = 2.0, upper = 6.0 }'
+    case = load_case(written(tmp_path, device=device, further=bounds))
+    assert case.parameters().names == (*default, "SEXS.EMAX")
+    ceiling = case.parameters()["SEXS.EMAX"]
+    assert (ceiling.nominal, ceiling.lower, ceiling.upper) == (5.0, 2.0, 6.0)
+    assert "SEXS.EMAX" in plant(case).parameters
+    case = load_case(written(tmp_path, device=device + 'candidates = ["SEXS.K", "TGOV1.VMAX"]'))
+    assert case.parameters().names == ("SEXS.K", "TGOV1.VMAX")
+    with pytest.raises(InputError, match="unknown parameter 'SEXS.EMX'"):
+        load_case(written(tmp_path, device=device, further=bounds.replace("EMAX", "EMX")))
+
+
+def test_the_check_of_a_case_tells_what_is_not_compared(tmp_path):
+    path = written(tmp_path, "event_time = 1.0", 'winding = { column = "Efd", unit = "pu" }')
+    told = check_case(path).advice
+    assert "winding is not compared: the model GENROU+SEXS+TGOV1 has P, Q, Efd, If, Pm, speed, gate." in told

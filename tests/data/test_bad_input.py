@@ -54,7 +54,7 @@ FILES = {
     "text in a number column": (
         edited(7, "0.25,1.0,forty"),
         {},
-        "line 7, column 'P': 'forty' is not a number. Allowed: numbers with a decimal point",
+        "line 7, column 'P': 'forty' is not a number. Allowed: numbers with '.' before decimals",
     ),
     "another unit in the row of units": (
         edited(2, "s,pu,kW"),
@@ -105,7 +105,7 @@ FILES = {
     "comma for fields and decimals": (
         GOOD,
         {"decimal": ","},
-        "the fields are separated by ',' and decimals by ','. Allowed: one character, and not the same, or",
+        "the fields are separated by ',' and decimals by ','. Allowed: one character, and not the same unless",
     ),
     "truncated line": (
         GOOD + "\n3.00,0.9",

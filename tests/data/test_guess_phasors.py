@@ -53,6 +53,17 @@ def test_currents_into_the_plant_are_seen(tmp_path):
     check(case, recording)
 
 
+def test_phasors_in_pu_are_seen_by_their_size(tmp_path):
+    """Of 20 kV and 100 MVA: 20/√3 kV and 2.887 kA are 1 pu."""
+    cells = {**polar(VOLTAGES, scale=np.sqrt(3) / 20), **polar(CURRENTS, scale=np.sqrt(3) * 20 / 100)}
+    case, recording, written = initiated(tmp_path, cells)
+    found = case.recording.phasors
+    assert (found.voltage_unit, found.current_unit) == ("pu", "pu")
+    assert recording.channel("V").values == pytest.approx(V, abs=1e-5)
+    assert recording.channel("P").values == pytest.approx(P, abs=1e-5)
+    assert any(line.startswith("base_kv") for line in written.check)
+
+
 def test_power_stands_beside_the_voltages(tmp_path):
     case, recording, _ = initiated(tmp_path, {**polar(VOLTAGES), "P [MW]": 100 * P, "Q [Mvar]": 100 * Q})
     check(case, recording)

@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.io import savemat
 
 import errorscreen as es
 from errorscreen.cases import load_case
@@ -166,9 +167,76 @@ def test_power_from_columns_beside_voltages():
     check(read({**CELLS, "MW": 100 * P, "Mvar": 100 * Q}, spec, columns))
 
 
-def test_a_column_of_the_file_counts_before_one_that_follows():
+def test_a_column_that_is_named_counts_before_one_that_follows():
     recording = read({**CELLS, "P": 0.9 * P}, POLAR, {"P": "P"})
     assert recording.channel("P").values == pytest.approx(0.9 * P)
+    assert any("P was read from 'P', which is named for it" in note for note in recording.assumptions)
+
+
+#: columns of the names of channels, of which no one said that they are meant
+FOREIGN = {"V": 0.5 * V, "angle": ANGLE - 1.0, "f": 49.0 + 0.1 * V, "P": 0.3 * P, "Q": -Q, "V2": V, "V0": P}
+
+
+@pytest.mark.parametrize("kind", ["frame", "csv", "xlsx", "parquet", "mat"])
+def test_columns_that_nobody_named_do_not_count(tmp_path, kind):
+    frame = pd.DataFrame({"time": TIME, **CELLS, **FOREIGN})
+    path = tmp_path / f"pmu.{kind}"
+    if kind == "frame":
+        check(es.read(frame, phasors=POLAR, **BASES))
+        return
+    if kind == "csv":
+        frame.to_csv(path, index=False)
+    elif kind == "xlsx":
+        pytest.importorskip("openpyxl")
+        frame.to_excel(path, index=False)
+    elif kind == "parquet":
+        pytest.importorskip("pyarrow")
+        frame.to_parquet(path)
+    else:
+        savemat(path, {name: frame[name].to_numpy() for name in frame})
+    check(es.read(path, phasors=POLAR, **BASES), 1e-6)
+
+
+def test_a_column_of_the_file_may_have_the_name_of_a_channel_that_follows():
+    recording = read({**CELLS, "P": FOREIGN["P"]}, POLAR, {"feeder": {"column": "P", "unit": "pu"}})
+    check(recording)
+    assert recording.channel("feeder").values == pytest.approx(FOREIGN["P"])
+
+
+def test_what_follows_has_its_own_unit():
+    for spec in ("P", {"column": "P", "unit": "MW"}):
+        check(read(CELLS, POLAR, {"P": spec}))
+    with pytest.raises(InputError, match=r"'P'; it follows from the phases in MW.*given as 'pu'"):
+        read(CELLS, POLAR, {"P": {"column": "P", "unit": "pu"}})
+
+
+@pytest.mark.parametrize("degrees", [0.0, 30.0])
+def test_a_frequency_that_is_held_is_no_fault_of_the_record(degrees):
+    cells = polar({"V1": np.abs(ONE), "I1": np.conj(100.0 * (P + 1j * Q) / (3 * np.abs(ONE)))})
+    cells["V1_ang"] = np.full(150, degrees)
+    cells["I1_ang"] = cells["I1_ang"] + degrees
+    recording = read(cells, {**POLAR, "voltage": pairs(["V1"]), "current": pairs(["I1"])})
+    assert recording.channel("f").values == pytest.approx(50.0, abs=1e-12)
+    assert recording.channel("angle").values == pytest.approx(np.deg2rad(degrees))
+    assert recording.channel("P").values == pytest.approx(P)
+    with pytest.raises(InputError, match="channel 'f': every reading is 50"):
+        read({**CELLS, "Hz": np.full(150, 50.0)}, POLAR, {"f": {"column": "Hz", "unit": "Hz"}})
+
+
+@pytest.mark.parametrize("between", [False, True])
+def test_numbers_in_pu(between):
+    volts, amps = (20.0 if between else 20.0 / np.sqrt(3)), 100.0 / (np.sqrt(3) * 20.0)
+    va, vb, vc = VOLTAGES.values()
+    phases = dict(zip(VOLTAGES, (va - vb, vb - vc, vc - va), strict=True)) if between else VOLTAGES
+    cells = {**polar(phases, scale=1 / volts), **polar(CURRENTS, scale=1 / amps)}
+    spec = {**POLAR, "voltage_unit": "pu", "current_unit": "pu", "line_to_line": between}
+    check(read(cells, spec))
+    with pytest.raises(InputError, match="the voltage in pu cannot be converted.*Give base_kv"):
+        from_frame(
+            pd.DataFrame({"t": TIME, **cells}), None, phasors=spec, time="t", base_mva=100.0, f_nominal=50.0
+        )
+    with pytest.raises(InputError, match="VA_mag, VB_mag, VC_mag is 'pu'.*V or kV"):
+        read(cells, {**spec, "magnitude": "peak"})
 
 
 def test_a_gap_is_where_a_cell_is_missing_and_nowhere_else():

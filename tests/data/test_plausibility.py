@@ -145,6 +145,64 @@ def test_rows_of_zeros_are_taken_for_lost_frames():
     assert any(one.startswith("3 rows, the first at 4 s, hold exactly 0 in f") for one in doubts(f=f)[0])
 
 
+@pytest.mark.parametrize("name", ["V", "P", "Q"])
+def test_zeros_of_one_channel_are_taken_for_lost_frames(name):
+    rng = np.random.default_rng(3)
+    values = {"V": DIP.copy(), "P": 0.5 + 0.2 * (TIME > 2), "Q": 0.1 + 0.1 * (TIME > 2)}
+    values = {key: v + 1e-4 * rng.standard_normal(len(TIME)) for key, v in values.items()}
+    values[name][200:203] = 0.0
+    values[name][240] = 0.0
+    (found,), _ = doubts(**values)
+    assert found.startswith(f"4 rows, the first at 4 s, hold exactly 0 in {name}, but not in ")
+    assert "lost frames?" in found
+    f = 50 + SWING
+    assert any("hold exactly 0 in" in one for one in doubts(f=f, **values)[0])
+
+
+@pytest.mark.parametrize(
+    ("V", "P", "Q", "why"),
+    [
+        (0.002, 0.01, 0.02, "a bolted fault near the terminals"),
+        (0.0, 0.0, 1.5, "a simulated one behind the transformer, whose reactance takes Q"),
+        (0.15, 0.0, 0.3, "a converter that blocks in a dip"),
+    ],
+)
+def test_faults_are_no_lost_frames(V, P, Q, why):
+    values = {"V": DIP.copy(), "P": 0.5 + 0.0 * TIME, "Q": 0.1 + 0.0 * TIME}
+    fault = slice(100, 106)
+    for name, level in (("V", V), ("P", P), ("Q", Q)):
+        values[name][fault] = level
+    assert doubts(**values)[0] == [], why
+
+
+def test_a_power_that_passes_through_zero_or_rests_there_is_not_doubted():
+    rng = np.random.default_rng(4)
+    about = np.round(0.02 * rng.standard_normal(len(TIME)), 2)  # a coarse meter about zero
+    P = np.where((TIME > 3) & (TIME < 4), 0.0, 0.5)  # a test of the set-point
+    assert doubts(P=P, Q=about + 0.1 * (TIME > 2))[0] == []
+
+
+def test_a_wrong_stamp_beside_a_missing_sample_is_doubted():
+    """Two rows of a fault at one instant: their mean is neither, and a sample is missing behind them."""
+    time, k = TIME.round(2), 110  # in the recovery: the readings differ by 0.3 pu
+    assert abs(DIP[k] - DIP[k - 1]) > 0.2
+    time[k] = time[k - 1]
+    table = {"t": time, "V": DIP, "angle": ANGLE}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        (found,) = [note for note in _read(table).assumptions if isinstance(note, Doubt)]
+        assert found.startswith(
+            "2 rows at 2.18 s differ in 'V', 'angle', and a sample beside them is missing"
+        )
+        assert "on_duplicate = 'last'" in found
+        for one in (
+            _read(table, on_duplicate="last"),
+            _read({**table, "V": np.where(np.arange(len(DIP)) == k - 1, DIP[k], DIP), "angle": 0.1 * TIME}),
+            _read({**table, "t": np.insert(TIME.round(2), k, time[k])[:-1]}),  # no sample is missing
+        ):
+            assert not any(isinstance(note, Doubt) for note in one.assumptions)
+
+
 def test_degrees_without_their_unit_show_in_the_jumps_of_the_angle():
     degrees = (np.degrees(20 * ANGLE) + 170.0 + 180.0) % 360.0 - 180.0
     table = {"t": TIME, "V": DIP, "angle": degrees}

@@ -169,6 +169,14 @@ def test_resampling_coarsely_filters_noise_and_says_so():
     assert rec.resample(0.01).channel("P").noise == rec.channel("P").noise
 
 
+def test_a_stated_noise_holds_on_a_coarser_grid():
+    values = {name: channel.values for name, channel in make().channels.items()}
+    rec = Recording.from_arrays(TIME, values, base_mva=1, f_nominal=60, noise={"P": 0.02})
+    coarse = rec.resample(0.05)
+    assert coarse.channel("P").noise == 0.02
+    assert coarse.channel("V").noise < 0.9 * rec.channel("V").noise
+
+
 def test_a_window_keeps_event_and_noise():
     rec = make()
     cut = rec.window(0.2, 4.1)

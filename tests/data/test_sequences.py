@@ -52,6 +52,19 @@ def test_right_phases_are_not_doubted_and_gaps_do_not_matter():
         assert notes == []
 
 
+@pytest.mark.parametrize(
+    ("unit", "quantity", "right"),
+    [
+        *((unit, "voltage", 1.0) for unit in ("kV", "KV", "kv", "[kV]")),
+        *((unit, "voltage", 1e-3) for unit in ("V", "Volt", "volts", "VOLTS")),
+        *((unit, "current", 1.0) for unit in ("kA", "KA", "ka")),
+        *((unit, "current", 1e-3) for unit in ("A", "Amps", "amp", "Ampere")),
+    ],
+)
+def test_spellings_of_units(unit, quantity, right):
+    assert factor({"x": unit, "y": unit}, ["x", "y"], None, quantity, "here") == right
+
+
 def test_a_record_that_begins_in_a_fault_is_told_so():
     phases = [0.0 * PHASES[0], PHASES[1], 0.2 * PHASES[2]]
     with pytest.raises(InputError, match="begin before the event"):

@@ -156,7 +156,7 @@ def test_21_dates_for_the_event():
     check(read("21-event-time-as-text/in.csv", **options)[0])
 
 
-@pytest.mark.parametrize("fault", ["asgn", "deg", "ln", "pk", "qs", "xl", "z"])
+@pytest.mark.parametrize("fault", ["asgn", "deg", "dup", "ln", "pk", "qs", "xl", "z"])
 def test_23_the_command_line_names_the_reading_first(fault, tmp_path, capsys):
     from errorscreen.cli import SUSPECT, main
 

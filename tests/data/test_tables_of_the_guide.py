@@ -18,7 +18,10 @@ TESTS = {
             "data/readers/test_csv::test_dialects_give_the_same_recording",
             "data/readers/test_csv::test_the_layout_is_recognised",
         ),
-        "decimal comma": ("data/readers/test_csv::test_dialects_give_the_same_recording",),
+        "decimal comma": (
+            "data/readers/test_csv::test_dialects_give_the_same_recording",
+            "workflow/test_init_doubtful_files::test_marks_between_thousands_are_refused",
+        ),
         "no header; text below titles, as PSS/E writes channels": (
             "data/readers/test_csv::test_a_file_without_headers_is_read_by_names",
             "data/readers/test_registry::test_text_of_channels_below_a_title_is_read",
@@ -60,6 +63,7 @@ TESTS = {
             "workflow/test_init_case::test_curves_of_dynawo",
         ),
         "a status of each row, as STAT of a concentrator": (
+            "workflow/test_init_doubtful_files::test_bits_of_stat_that_say_bad_are_gaps",
             "data/readers/test_csv::test_rows_with_a_bad_status_are_gaps",
         ),
         'numbers or texts that mean "no reading"': (
@@ -139,8 +143,13 @@ TESTS = {
             "data/test_plausibility::test_time_in_another_unit_is_named",
             "data/test_plausibility::test_limits_of_the_sampling",
         ),
-        "rows in which V, P, Q (or f) are exactly zero between others": (
+        "rows in which V, P, Q (or f) are exactly zero between others; or one of V, P, Q is in a few rows while the "
+        "others stay": (
             "data/test_plausibility::test_rows_of_zeros_are_taken_for_lost_frames",
+            "data/test_plausibility::test_zeros_of_one_channel_are_taken_for_lost_frames",
+        ),
+        "different rows at one instant, and a sample of the grid missing beside them": (
+            "data/test_plausibility::test_a_wrong_stamp_beside_a_missing_sample_is_doubted",
         ),
         "V is one of three columns of phases (`VA`, `VB`, `VC`; `L1`, `L2`, `L3`) that move in different ways": (
             "data/test_phase_headers::test_one_phase_that_dips_alone_is_doubted",
@@ -192,7 +201,7 @@ TESTS = {
             "data/test_timestamps::test_sorting_undoes_any_shuffle",
             "data/test_timestamps::test_a_single_wrong_stamp_is_dropped",
         ),
-        "a channel that moves by less than 1e-6 of its value, text or phasors among numbers, two columns of one name": (
+        "a column that moves by less than 1e-6 of its value, text or phasors among numbers, two columns of one name": (
             BAD_INPUT,  # channel that moves by rounding only, text in a number column, column twice
             "data/test_phasors::test_texts_in_a_file",
         ),

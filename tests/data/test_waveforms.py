@@ -42,6 +42,30 @@ def test_sign_and_further_channels_of_a_text_file(tmp_path):
     assert np.abs(recording.channel("raw").values[away]).max() < 0.1, "the mean of a period"
 
 
+def test_columns_that_nobody_named_do_not_count(tmp_path):
+    values = waves(TIME)
+    values = {"V": values["VA"], **values, "P": 30.0 + TIME, "f": 49.0 + TIME}
+    del values["VA"]
+    frame, spec = pd.DataFrame({"time": TIME, **values}), {**WAVEFORMS, "voltage": ["V", "VB", "VC"]}
+    check(es.read(frame, waveforms=spec, **BASES))
+    frame.to_csv(tmp_path / "waves.csv", index=False)
+    check(es.read(tmp_path / "waves.csv", waveforms=spec, **BASES))
+
+
+def test_currents_into_the_plant():
+    values = {name: -x if name[0] == "I" else x for name, x in waves(TIME).items()}
+    frame = pd.DataFrame({"time": TIME, **values})
+    check(es.read(frame, waveforms={**WAVEFORMS, "sign": "load"}, **BASES))
+    with pytest.raises(InputError, match="sign 'out'.*generator, load"):
+        es.read(frame, waveforms={**WAVEFORMS, "sign": "out"}, **BASES)
+
+
+def test_waves_in_pu_are_refused():
+    frame = pd.DataFrame({"time": TIME, **waves(TIME)})
+    with pytest.raises(InputError, match="VA, VB, VC is 'pu'.*V or kV"):
+        es.read(frame, waveforms={**WAVEFORMS, "voltage_unit": "pu"}, **BASES)
+
+
 def test_stamps_that_do_not_increase_are_refused():
     frame = pd.DataFrame({"time": np.round(TIME, 2), **waves(TIME)})
     with pytest.raises(InputError, match="time does not increase with each sample"):

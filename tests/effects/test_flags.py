@@ -99,7 +99,10 @@ def test_combinations_that_contradict_each_other_fail_and_say_so(stated):
     on = dict(zip(names(stated), rows[:, -len(names(stated)) :].T, strict=True))
     voltage = (on["REECB1.QFLAG"] == 1) & (on["REECB1.VFLAG"] == 1)
     assert np.array_equal(responses.status == Status.NO_EQUILIBRIUM, voltage)
-    assert "reactive order starts at 1 pu, above Qmax" in responses.detail
+    assert (
+        "RefFlag = 0 orders reactive power, which the electrical control takes as a voltage"
+        in responses.detail
+    )
 
 
 def found(simulator, truth, seed=1, moved=1.05):

@@ -643,3 +643,59 @@ def test_a_difference_is_one_that_patch_applies(tmp_path_factory, data):
             ["patch", "--quiet", "--fuzz=0", str(folder / "old")], input=found, text=True, check=True
         )
     assert (folder / "old").read_text() == new_text
+
+
+# --- names and comments -----------------------------------------------------------------------------------------------
+
+
+def refused(text):
+    with pytest.raises(InputError) as found:
+        file(text).unit()
+    return str(found.value)
+
+
+def test_an_unknown_model_is_answered_with_each_name_once():
+    allowed = refused(UNIT.replace("'SEXS'", "'SEXSU'")).split("Allowed: ")[1].split(". ")[0].split(", ")
+    assert len(allowed) == len({*allowed})
+    assert {"GENTPJ", "GENTPJ1", "REXS", "REXSYS", "REGCAU1", "REGCA1"} <= {*allowed}
+
+
+def test_an_unknown_library_model_is_answered_with_those_of_its_kind():
+    text = f"{GENROU}101 'USRMDL' 1 'MYAVR' {{}} 0 0 2 0 0 1.0 2.0 /\n"
+    exciters = refused(text.format(4))
+    assert "ESST1A" in exciters
+    assert "MNLEX2" not in exciters
+    assert "GENROU" not in exciters.split("Allowed")[1]
+    assert "MNLEX2" in refused(text.format(9))
+    assert "GENROU" in refused(text.format(77)).split("Allowed")[1]
+
+
+def test_a_repetition_is_not_a_wrong_count():
+    assert "Write each value of a repetition out" in refused(UNIT.replace("0.0 5.0 /", "2*5.0 /"))
+    assert "repetition" not in refused(UNIT.replace("0.0 5.0 /", "5.0 /"))
+
+
+@pytest.mark.parametrize("comment", ["/* of this\nunit */\n", f"/* {SEXS}{TGOV1} */\n"])
+def test_a_comment_over_several_lines_is_told(comment):
+    problem = "unit.dyr:1: a comment /* goes on over several lines"
+    assert problem in refused(comment + UNIT)
+    assert any(problem in one for one in file(comment + UNIT).check())
+    assert file("/* one line */\n/* another\n" + UNIT).check() == []
+
+
+@pytest.mark.parametrize(
+    ("model", "changes", "words"),
+    [
+        ("EXAC1", {"TF": 0.0}, "KF other than 0 only with TF"),
+        ("ESAC1A", {"TF": 0.0}, "KF other than 0 only with TF"),
+        ("EXAC2", {"TF": 0.0}, "KF other than 0 only with TF"),
+        ("REXSYS", {"TF": 0.0}, "KF other than 0 only with TF"),
+        ("EXPIC1", {"KF": 0.1, "TF1": 0.0}, "KF other than 0 only with TF1 or TF2"),
+        ("EXPIC1", {"TA2": 0.0, "TA3": 0.1}, "TA3 other than 0 only with TA2 or TA4"),
+        ("GGOV1", {"KDGOV": 1.0, "TDGOV": 0.0}, "KDGOV other than 0 only with TDGOV"),
+    ],
+)
+def test_a_derivative_needs_its_lag(model, changes, words):
+    part = PARTS[model]
+    with pytest.raises(InputError, match=words):
+        part.check({**part.typical, **changes}, model)

@@ -377,3 +377,18 @@ def test_ggov1_transport_delay(engine):
     expected = np.interp(times - 0.2, times, at_once["GGOV1.Pm"])
     assert rms(late["GGOV1.Pm"] - at_once["GGOV1.Pm"]) > 5e-3
     assert rms(late["GGOV1.Pm"] - expected) < 2e-4
+
+
+def test_ggov1_counts_in_pu_of_its_turbine(engine):
+    """The stroke rises by the speed over the droop, and a turbine of 80 MW on 100 MVA gives 0.8 of its power."""
+    slow = lambda t: 1.0 - 0.2 / 60 * np.clip(t / 5, 0, 1)  # noqa: E731
+    rise = 0.2 / 60 / 0.04
+    for rated, given in ((0.8, {"TRATE": 80.0, "MBASE": 100.0}), (1.0, {})):
+        record = {"RSELECT": -1.0, "LDREF": 2.0, "VMAX": 2.0, "KIGOV": 20.0, **given}
+        _, out = simulate(engine, 60.0, slow, GGOV1=record)
+        assert out["GGOV1.Pm"][0] == pytest.approx(POWER, abs=1e-12)
+        assert out["GGOV1.Pm"][-1] == pytest.approx(POWER + rated * 1.5 * rise, abs=1e-4)
+        # the droop by power rests where the measured power has risen by as much of the rating
+        moved = lambda t, r=rated: POWER + r * rise * np.clip(t / 5, 0, 1)  # noqa: E731
+        _, out = simulate(engine, 60.0, slow, moved, GGOV1={**record, "RSELECT": 1.0})
+        assert np.ptp(out["GGOV1.Pm"][-5000:]) < 1e-4

@@ -276,3 +276,28 @@ def test_dynawo_unit_is_as_far_from_its_record_as_stated():
     even = np.arange(0, 5, 0.002)
     for name in ("P", "Q"):  # a value of its data differs from that behind the record
         assert 0.4 < rms(np.interp(even, time, 5 * out[name] - t[f"{name}_pu"])) < 0.6
+
+
+BARE = {
+    "IEEEST": {"IC": 4, **dict.fromkeys(("T1", "T2", "T3", "T4", "T5", "T6"), 0.0), "KS": 1.0, **WIDE},
+    "ST2CUT": {
+        "IC1": 4, "K1": 1.0, "K2": 0.0, **dict.fromkeys([f"T{k}" for k in range(1, 11)], 0.0), **WIDE,
+    },
+    "PSS2A": {
+        "IC1": 4, "KS1": 1.0, "KS2": 0.0, "M": 0, "N": 0, "VSTMAX": 9.0, "VSTMIN": -9.0,
+        **dict.fromkeys(("TW1", "TW2", "TW3", "TW4", "T1", "T2", "T3", "T4", "T6", "T7"), 0.0),
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BARE)
+def test_accelerating_power_follows_the_governor(name):
+    """Code 4 is the mechanical power of now, which a governor moves, less the electrical one."""
+    named = {"GENROU": {}, "SEXS": {}, name: BARE[name], "TGOV1": {"T1": 0.1, "T2": 0.0, "T3": 0.2}}
+    device = unit([Record(PARTS[one], values) for one, values in named.items()])
+    half = np.arange(2401) * 0.0025
+    angle = -2 * np.pi * 0.3 * np.clip(half - 0.5, 0.0, None)
+    u = np.column_stack([np.cos(angle), np.sin(angle)])
+    Vs, Pm, P = run(device, u, {"P": 0.6, "Q": 0.1}, ["Vs", "Pm", "P"], h=0.005, kind="numpy")
+    assert np.ptp(Pm) > 0.05
+    assert np.abs(Vs - (Pm - P)).max() < 1e-12

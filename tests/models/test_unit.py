@@ -147,3 +147,121 @@ def test_recorded_field_voltage_and_speed_are_compared(plant):
     assert np.abs(found - seen.values)[:, TIME < 1.0].max() < 2e-3
     assert np.sqrt(np.mean((found - seen.values) ** 2, axis=1)).max() < 2e-2
     assert np.ptp(found[2]) > 0.05
+
+
+def test_a_limit_is_a_candidate_where_it_is_named():
+    device = unit(records(SEXS={"EMAX": 3.0}))
+    assert {"SEXS.EMAX", "TGOV1.VMIN", "GENROU.Xl"} <= {*device.further.names}
+    assert device.limits == ("SEXS.EMIN", "SEXS.EMAX", "TGOV1.VMAX", "TGOV1.VMIN")
+    named = device.with_candidates(["TGOV1.VMIN", "SEXS.EMAX"])
+    assert named.candidates.names == (*device.candidates.names, "SEXS.EMAX", "TGOV1.VMIN")
+    ceiling, valve = named.candidates["SEXS.EMAX"], named.candidates["TGOV1.VMIN"]
+    assert (ceiling.nominal, ceiling.lower, ceiling.upper) == (3.0, 1.5, 6.0)
+    assert (valve.lower, valve.upper, valve.scale) == (-0.5, 0.5, 1.0)
+    assert named.limits == ("SEXS.EMIN", "TGOV1.VMAX")
+    assert device.with_candidates(["GENROU.H"]) is device
+
+
+def test_a_named_limit_has_the_sign_that_its_record_allows():
+    device = unit([Record(PARTS["GENROU"], {}), Record(PARTS["IEEEG1"], {"UC": 0.0})])
+    rate = device.further["IEEEG1.UC"]
+    assert (rate.lower, rate.upper, rate.domain) == (-0.5, 0.0, "<= 0")
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("SEXS.EMX", "unknown parameter 'SEXS.EMX' .did you mean 'SEXS.EMAX'"),
+        ("IEEET1.VRMAX", "IEEET1.VRMAX is 0 and cannot be a candidate"),
+        ("IEEET1.Switch", "IEEET1.Switch is 0 and cannot be a candidate"),
+    ],
+)
+def test_what_cannot_be_a_candidate_is_said(name, words):
+    parts = ("GENROU", name.partition(".")[0])
+    device = unit([Record(PARTS[one], {"VRMAX": 0.0} if one == "IEEET1" else {}) for one in parts])
+    with pytest.raises(InputError, match=words):
+        device.with_candidates([name])
+
+
+def test_a_value_of_a_named_limit_is_that_of_another_file():
+    truth = played(unit(records(SEXS={"EMAX": 4.0})))
+    ours = played(unit(records(SEXS={"EMAX": 3.0})).with_candidates(["SEXS.EMAX"]))
+    theta = ours.parameters.nominal.copy()
+    expected = truth.simulate(truth.parameters.nominal).require_ok().values
+    assert np.abs(ours.simulate(theta).values - expected).max() > 0.02
+    theta[ours.parameters.index("SEXS.EMAX")] = 4.0
+    np.testing.assert_allclose(ours.simulate(theta).values, expected, atol=1e-12)
+
+
+def told(*named):
+    """Reason why a unit of these records does not start."""
+    device = unit([Record(PARTS[name], values) for name, values in named])
+    values = {p.name: np.array([p.nominal]) for p in device.candidates}
+    values |= {name: np.array([value]) for name, value in device.constant_values().items()}
+    values |= {name: np.array([value]) for name, value in zip("VPQ", (1.0, 0.7, 0.15), strict=True)}
+    values["angle"] = np.array([0.0])
+    *_, fits = device.initialise(values)
+    assert bool(fits[0]) == (not device.initialise.problems(values))
+    return "; ".join(device.initialise.problems(values))
+
+
+def test_flags_that_contradict_each_other_are_told_whatever_the_limits():
+    plant = {"RefFlag": 0, "Qmax": 1.2, "Qmin": -1.2}
+
+    def flags(REECB1, REPCA1=plant):
+        return told(("REGCA1", {}), ("REECB1", REECB1), ("REPCA1", REPCA1))
+
+    assert "REPCA1: RefFlag = 0 orders reactive power" in flags({"QFLAG": 1, "VFLAG": 0})
+    assert not flags({"QFLAG": 1, "VFLAG": 1})
+    assert not flags({"QFLAG": 0, "VFLAG": 0})
+    assert not flags({"QFLAG": 1, "VFLAG": 0}, {**plant, "RefFlag": 1})
+
+
+@pytest.mark.parametrize("model", ["REECA1", "REECB1", "REECD1"])
+def test_a_start_in_a_dip_is_told(model):
+    found = told(("REGCA1", {}), (model, {"Vdip": 1.05}))
+    assert f"{model}: V before the event is 1 pu, outside of Vdip = 1.05 to Vup" in found
+    assert not told(("REGCA1", {}), (model, {"Vdip": 0.9}))
+
+
+def test_a_turbine_without_a_share_is_told():
+    shares = dict.fromkeys(("K1", "K3", "K5", "K7"), 0.0)
+    assert "IEEEG1: K1, K3, K5 and K7 are 0" in told(("GENROU", {}), ("IEEEG1", shares))
+
+
+@pytest.mark.parametrize(
+    ("model", "tight", "word"),
+    [
+        ("ESST1A", {"VRMAX": 1.0, "KC": 0.1}, "VRMAX of at least"),
+        ("ESST1A", {"VRMIN": 2.5, "KC": 0.1}, "VRMIN of at most"),
+        ("EXST1", {"VRMAX": 1.0, "KC": 0.1}, "VRMAX of at least"),
+        ("ST5B", {"VRMAX": 1.0, "KC": 0.1}, "VRMAX of at least"),
+        ("ESST4B", {"VMMAX": 0.1}, "VMMAX of at least"),
+        ("EXAC2", {"VLR": 0.5}, "VLR of at least"),
+    ],
+)
+def test_the_advised_limit_fits(model, tight, word):
+    frame = ("GENROU", {})
+    found = told(frame, (model, tight))
+    advised = float(found.split(word)[1].split()[0].rstrip(","))
+    assert word.split()[0] not in told(frame, (model, {**tight, word.split()[0]: advised}))
+
+
+def test_the_gate_of_a_governor_is_compared():
+    for name, state in (("TGOV1", "g"), ("HYGOV", "g"), ("IEEEG1", "v"), ("GGOV1", "v"), ("GAST", "x1")):
+        device = unit([Record(PARTS["GENROU"], {}), Record(PARTS[name], {})])
+        assert device.recordable["gate"] == f"{name}.{state}"
+    for parts in (("GENROU", "IEESGO"), ("GENROU",)):
+        assert "gate" not in unit([Record(PARTS[name], {}) for name in parts]).recordable
+
+
+def test_a_rating_needs_the_base_of_the_machine():
+    device = unit([Record(PARTS["GENROU"], {}), Record(PARTS["GGOV1"], {"TRATE": 90.0})])
+    with pytest.raises(
+        InputError, match="states TRATE, the rating of its turbine, but the base of the machine"
+    ):
+        played(device, effects=())
+    with pytest.raises(InputError, match="MBASE is 0"):
+        played(device, effects=(), constants={"MBASE": 0.0})
+    assert played(device, effects=(), constants={"MBASE": 120.0}).constants["MBASE"] == 120.0
+    assert "MBASE" not in unit([Record(PARTS["GENROU"], {}), Record(PARTS["GGOV1"], {})]).constant_values()

@@ -132,3 +132,19 @@ def test_parts_of_a_turbine_alone():
     Pset, theta, wg = run(device, still, START, ["Pset", "theta", "wg"], h=H, kind="numpy")
     assert wg[0] == pytest.approx(0.98 + 0.1 / 0.14 * 0.22)
     assert np.ptp([Pset, theta, wg], axis=1).max() < 1e-12
+
+
+@pytest.mark.parametrize("Tflag", [0, 1])
+def test_torque_control_counts_in_pu_of_its_turbine(device, Tflag):
+    """A rating is a record on the machine's base with its powers, and its gains for the speed, times the ratio."""
+    powers = [f"WTTQA1.{name}" for name in ("p1", "p2", "p3", "p4", "Temax", "Temin")]
+    gains = [f"WTTQA1.{name}" for name in ("Kpp", "Kip")] if Tflag == 0 else []
+    own = {**{f"WTTQA1.{one.name}": one.typical for one in WTTQA1.fields}, **COMMON, "WTTQA1.Tflag": Tflag}
+    by_hand = {**own, **{name: 0.8 * own[name] for name in (*powers, *gains)}}
+    u = voltage(0.5)
+    names = ["Pset", "wref", "wg"]
+    rated = run(device, u, START, names, h=H, changes={**own, "WTTQA1.TRATE": 80.0, "MBASE": 100.0}, f0=F0)
+    expected = run(device, u, START, names, h=H, changes=by_hand, f0=F0)
+    np.testing.assert_allclose(rated, expected, rtol=0, atol=1e-9)
+    plain = run(device, u, START, names, h=H, changes=own, f0=F0)
+    assert np.abs(rated - plain).max() > 0.02

@@ -57,10 +57,10 @@ def test_a_window_of_a_long_recording_is_proposed(folder):
     pd.concat([table, more]).to_csv(folder / "unit.csv", index=False)
     found = check_case(folder / "case.toml")
     assert not found.problems
-    (told,) = found.advice
-    assert "t_start = 0 and t_end = 31" in told
+    assert [text for text in found.advice if "t_start = 0 and t_end = 31" in text]
     changed(folder, ("[recording]", "[recording]\nt_end = 31.0"))
-    assert check_case(folder / "case.toml").advice == ()
+    (told,) = check_case(folder / "case.toml").advice
+    assert told.startswith("The limit SEXS.EMAX = 5 acts")
 
 
 def test_all_wrong_keys_are_told_at_once_and_recordings_beside_them(folder):
@@ -73,6 +73,39 @@ def test_all_wrong_keys_are_told_at_once_and_recordings_beside_them(folder):
     told = "\n".join(check_case(path).problems)
     for one in ("'sample'", "screening.threshold", "'colour'", "unknown column 'P_mw' (did you mean 'P_MW'"):
         assert one in told, one
+
+
+def test_wrong_keys_of_a_recording_do_not_hide_its_wrong_columns_and_units(folder):
+    path = changed(
+        folder,
+        ("[recording]", '[recording]\nevnt_time = 3.0\nheld = "perhaps"'),
+        ('"P_MW", unit = "MW"', '"P_MW", unit = "MWh"'),
+        ('"V_pu"', '"V_puu"'),
+        ('"Q_Mvar", unit = "Mvar"', '"Q_Mvar", unit = "Mvar", sgn = "load"'),
+    )
+    told = check_case(path).problems
+    for one in (
+        "unknown key 'evnt_time'",
+        "recording.held",
+        "unknown key 'sgn'",
+        "unknown unit 'MWh'",
+        "unknown column 'V_puu'",
+    ):
+        assert sum(one in problem for problem in told) == 1, one
+    assert len(told) == 5
+    changed(folder, ('path = "unit.csv"', 'path = "nothing.csv"'))
+    assert any("nothing.csv" in problem for problem in check_case(path).problems)
+
+
+def test_wrong_keys_elsewhere_do_not_hide_unknown_parameters(folder):
+    path = changed(
+        folder,
+        ("[screening]", "[screening]\nsample = 3"),
+        ("[device]", "[device.parameters]\nno_such = { nominal = 1.0 }\n\n[device]"),
+    )
+    told = check_case(path).problems
+    for one in ("'sample'", "no_such"):
+        assert sum(one in problem for problem in told) == 1, one
 
 
 def test_all_problems_of_a_recording_are_told(folder):

@@ -389,7 +389,9 @@ def test_curves_of_dynawo(tmp_path):
     columns = {name: one.column for name, one in case.recording.columns.items()}
     assert columns["angle"] == "GEN_generator_UPhase"
     stepped = tmp_path / "stepped.toml"
-    stepped.write_text(written.case.read_text().replace('on_duplicate = "last"', 'on_duplicate = "keep-step"'))
+    stepped.write_text(
+        written.case.read_text().replace('on_duplicate = "last"', 'on_duplicate = "keep-step"')
+    )
     recording = load_case(stepped).load_recording()
     assert np.diff(recording.time).min() < 1e-6
     check(recording, 100.0)

@@ -1,4 +1,4 @@
-"""Files whose first reading would be a wrong one: `init_case` reads them right, marks the guess, or says what is wrong."""
+"""Files whose first reading would be wrong: `init_case` reads them right, marks the guess, or says what is wrong."""
 
 import numpy as np
 import pytest

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import os
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,9 +18,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from errorscreen.data.frames import Specs, build_recording
-from errorscreen.data.headers import known_unit
+from errorscreen.data.headers import spelled
 from errorscreen.data.readers.base import Reader
 from errorscreen.data.readers.tables import numbered, with_units
 from errorscreen.data.readers.text import check_file
@@ -33,6 +35,8 @@ _SECTION = re.compile(rb"^--- *file type: *([A-Z]+)(?: +([A-Z0-9]+))?(?:: *(\d+)
 _COUNTS = re.compile(rb"^\s*\d+\s*,\s*\d+\s*A\s*,\s*\d+\s*D", re.IGNORECASE)
 #: types of the values of analogue channels in binary data
 _BINARY = {"BINARY": "<i2", "BINARY32": "<i4", "FLOAT32": "<f4"}
+#: units as some recorders write them; in the headers of other files these letters are phases
+_SMALL = {"v": "V", "a": "A"}
 #: more samples than any file that is read can hold
 _MOST_SAMPLES = 1e10
 #: stamp that is missing
@@ -43,7 +47,8 @@ _NO_STAMP = 0xFFFFFFFF
 class _Channel:
     """Analogue channel: name, phase and unit, and the factors from stored numbers to primary values.
 
-    `rated` is the primary value of its transformer, 0 where the record lacks it.
+    `rated` is the primary value of its transformer, 0 where the record lacks it; `skew` seconds after the stamp each
+    sample was taken.
     """
 
     name: str
@@ -52,6 +57,7 @@ class _Channel:
     factor: float
     offset: float
     rated: float
+    skew: float
 
 
 @dataclass(frozen=True)
@@ -87,7 +93,7 @@ def read_comtrade(
         The configuration (``.cfg``), with the data (``.dat``) beside it, or both in one file (``.cff``).
     columns : mapping of str to Column, str or mapping, optional
         As in `errorscreen.data.from_frame`, of a record of rms values; the unit is that of the record where not given.
-        Of waveforms, further channels, and other units, signs or bases of what follows from the waveforms.
+        Of waveforms, further channels, and channels that are to count instead of what follows from the waveforms.
     waveforms : Waveforms or mapping, optional
         Three voltages and three currents that V, angle, f, P and Q are computed from. Where neither these nor
         `columns` are given, the channels with the phases A, B and C are taken, if there are no others.
@@ -126,9 +132,26 @@ def read_comtrade_table(path: Path) -> tuple[Table, _Array, _Configuration, list
     time = _times(numbers, stamps, found, notes, f"file {path}")
     cells: dict[str, Any] = {"time": time}
     for channel, column in zip(found.channels, values, strict=True):
-        cells[channel.name] = channel.factor * column + channel.offset
+        cells[channel.name] = _at_stamps(time, channel.factor * column + channel.offset, channel.skew)
+    late = [f"{c.name} ({1e6 * c.skew:g} us)" for c in found.channels if c.skew]
+    if late:
+        notes.append(
+            f"Samples were interpolated to their stamps, which they are later than: {', '.join(late)}."
+        )
     units = {channel.name: channel.unit for channel in found.channels}
     return Table(cells, range(1, len(time) + 1), f"file {path}", "sample", units), time, found, notes
+
+
+def _at_stamps(time: _Array, values: _Array, skew: float) -> _Array:
+    """Values at the stamps of samples that were taken `skew` seconds later; NaN beyond them and in a gap."""
+    known = np.isfinite(values)
+    if not skew or known.sum() < 2:
+        return values
+    taken = time + skew
+    after = np.searchsorted(taken, time)
+    inside = (after > 0) & (after < len(time))
+    inside[inside] = known[after[inside]] & known[after[inside] - 1]
+    return np.where(inside, CubicSpline(taken[known], values[known])(time), np.nan)
 
 
 def _parts(path: Path) -> tuple[bytes, bytes]:
@@ -215,7 +238,7 @@ def _configuration(content: bytes, source: str) -> _Configuration:
         )
     n_analogue, n_status = (int(one[1]) for one in match if one)
     channels = [_channel(lines, revision) for _ in range(n_analogue)]
-    names = numbered((one.name for one in channels), taken=["time"])
+    names = numbered(_told_apart(channels), taken=["time"])
     channels = [replace(one, name=name) for one, name in zip(channels, names, strict=True)]
     for _ in range(n_status):
         lines.cells()
@@ -251,9 +274,23 @@ def _configuration(content: bytes, source: str) -> _Configuration:
     )
 
 
+def _told_apart(channels: Sequence[_Channel]) -> list[str]:
+    """Names, those that occur several times with their phases."""
+    times = Counter(one.name for one in channels)
+    once = [pair for pair, count in Counter((one.name, one.phase) for one in channels).items() if count == 1]
+    return [
+        f"{one.name} {one.phase}"
+        if times[one.name] > 1 and one.phase and (one.name, one.phase) in once
+        else one.name
+        for one in channels
+    ]
+
+
 def _channel(lines: _Lines, revision: int) -> _Channel:
     cells = lines.cells()
     width = 10 if revision < 1999 and len(cells) < 13 else 13
+    while len(cells) > width and not cells[-1]:  # commas at the end of the line
+        cells.pop()
     if len(cells) < width:
         raise InputError(
             f"a channel has {len(cells)} entries",
@@ -263,13 +300,19 @@ def _channel(lines: _Lines, revision: int) -> _Channel:
     surplus = len(cells) - width  # commas in the name
     name = ",".join(lines.line.split(",")[1 : 2 + surplus]).strip()
     cells = [cells[0], name, *cells[2 + surplus :]]
-    factor, offset = lines.numbers(cells[5:7])
+    if surplus and re.fullmatch(r"[-+.\deE]+", cells[4]):  # where the unit would stand
+        raise InputError(
+            f"a channel has {width + surplus} entries between commas, and its name, {name!r}, does not explain that",
+            where=lines.where,
+            allowed=f"{width} entries, and more only for commas in the name",
+        )
+    factor, offset, skew = lines.numbers(cells[5:8])
     primary, secondary = lines.numbers(cells[10:12]) if width == 13 else (0.0, 0.0)
     if width == 13 and cells[12].upper() == "S":
         ratio = primary / secondary if primary > 0 and secondary > 0 else 1.0
         factor, offset = factor * ratio, offset * ratio
-    unit = known_unit("", cells[4]) or cells[4]
-    return _Channel(cells[1], cells[2].upper(), unit, factor, offset, primary)
+    unit = _SMALL.get(cells[4], spelled(cells[4]))
+    return _Channel(cells[1], cells[2].upper(), unit, factor, offset, primary, 1e-6 * skew)
 
 
 def _samples(data: bytes, found: _Configuration, source: str) -> tuple[_Array, _Array, list[_Array]]:
@@ -283,6 +326,8 @@ def _samples(data: bytes, found: _Configuration, source: str) -> tuple[_Array, _
         ]
         width = 2 + n + found.n_status
         for k, row in enumerate(rows):
+            while len(row) > width and not row[-1].strip():  # commas at the end of the line
+                row.pop()
             if len(row) != width:
                 if k == len(rows) - 1:  # a line that was cut off
                     rows.pop()

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from errorscreen.data.frames import Specs
 from errorscreen.data.headers import known_unit
@@ -223,38 +224,75 @@ def _read_fast(head: Head, wanted: Sequence[str], layout: Layout, texts: set[str
     """The table by the parser of pandas, where every line has as many fields as the header; else None."""
     if head.delimiter == WHITESPACE or len(head.names) == 1 or '"' in head.body or not head.body.isascii():
         return None
-    data = head.body.encode("ascii").rstrip()
-    if not _even(data, head.delimiter, len(head.names)):
+    head.body = head.body.rstrip()
+    data = head.body.encode("ascii")
+    if not data or not all(_even(block, head.delimiter, len(head.names)) for block in _blocks(data)):
         return None
     head.body = ""  # a large file is held once
     place_of = {name: place for place, name in enumerate(head.names)}
-    places = [place_of[name] for name in wanted]
-    frame = pd.read_csv(
-        io.BytesIO(data), sep=head.delimiter, decimal=layout.decimal, header=None, usecols=places, quoting=3,
-        skip_blank_lines=False, skipinitialspace=True, low_memory=False,
-        dtype={place: str for name, place in zip(wanted, places, strict=True) if name in texts},
-    )  # fmt: skip
-    cells = {
-        name: column.to_numpy() if pd.api.types.is_float_dtype(column) or pd.api.types.is_integer_dtype(column)
-        else column.astype("string").fillna("").tolist()
-        for name, column in ((name, frame[place]) for name, place in zip(wanted, places, strict=True))
-    }  # fmt: skip
-    return Table(cells, range(head.line, head.line + len(frame)), head.source, units=head.units)
+
+    def read(names: Iterable[str], as_texts: Iterable[str]) -> dict[str, Any]:
+        return _read_blocks(
+            data, {name: place_of[name] for name in names}, {*as_texts},
+            sep=head.delimiter, decimal=layout.decimal, header=None, quoting=3, skip_blank_lines=False,
+            skipinitialspace=True, low_memory=False,
+        )  # fmt: skip
+
+    cells = read(wanted, texts)
+    mixed = [name for name in wanted if cells[name] is None]
+    cells |= read(mixed, mixed) if mixed else {}
+    lines = len(next(iter(cells.values())))
+    return Table(cells, range(head.line, head.line + lines), head.source, units=head.units)
 
 
-def _even(data: bytes, delimiter: str, width: int) -> bool:
-    """Whether every line has as many fields."""
+def _blocks(data: bytes) -> Iterator[bytes]:
+    """Whole lines of a text, as many as are looked at together."""
     begin = 0
     while begin < len(data):
         end = data.find(b"\n", begin + _BLOCK)
         end = len(data) if end < 0 else end
-        block = np.frombuffer(data[begin:end], dtype=np.uint8)
-        lines = np.append(np.flatnonzero(block == ord("\n")), len(block))
-        found = np.searchsorted(np.flatnonzero(block == ord(delimiter)), lines)
-        if (np.diff(found, prepend=0) != width - 1).any():
-            return False
+        yield data[begin:end]
         begin = end + 1
-    return begin > 0
+
+
+def _even(block: bytes, delimiter: str, width: int) -> bool:
+    """Whether every line has as many fields."""
+    marks = np.frombuffer(block, dtype=np.uint8)
+    lines = np.append(np.flatnonzero(marks == ord("\n")), len(marks))
+    found = np.searchsorted(np.flatnonzero(marks == ord(delimiter)), lines)
+    return bool((np.diff(found, prepend=0) == width - 1).all())
+
+
+def _read_blocks(data: bytes, places: Mapping[str, int], texts: set[str], **options: Any) -> dict[str, Any]:
+    """Cells of columns, by blocks, because the parser holds a multiple of what it reads; None for texts among numbers.
+
+    Columns of `texts` are read as such.
+    """
+    cells: dict[str, Any] = {name: [] if name in texts else np.empty(0, dtype=np.int64) for name in places}
+    lines, done = data.count(b"\n") + 1, 0
+    for block in _blocks(data):
+        frame = pd.read_csv(
+            io.BytesIO(block), usecols=sorted(places.values()),
+            dtype={places[name]: str for name in texts}, **options,
+        )  # fmt: skip
+        for name, place in places.items():
+            column = frame[place]
+            if name in texts:
+                cells[name].extend(column.astype("string").fillna("").tolist())
+            elif not (pd.api.types.is_float_dtype(column) or pd.api.types.is_integer_dtype(column)):
+                cells[name] = None
+            elif cells[name] is not None:
+                cells[name] = _held(cells[name], column.to_numpy(), lines)
+                cells[name][done : done + len(column)] = column
+        done += len(frame)
+    return cells
+
+
+def _held(cells: NDArray[Any], block: NDArray[Any], lines: int) -> NDArray[Any]:
+    """Room for the numbers of a column, of a type that holds those of the next block, too."""
+    if not len(cells):
+        return np.empty(lines, dtype=block.dtype)
+    return cells.astype(np.result_type(cells, block), copy=False)
 
 
 def _read_rows(head: Head, wanted: Sequence[str]) -> Table:

@@ -58,14 +58,14 @@ _EXCITER = record(
 )
 _VR = record(
     """
-    VRMAX | pu | 6.03  | - | any | upper limit of the field voltage of the exciter
-    VRMIN | pu | -5.43 | - | any | lower limit of the field voltage of the exciter
+    VRMAX | pu | 6.03  | limit | any | upper limit of the field voltage of the exciter
+    VRMIN | pu | -5.43 | limit | any | lower limit of the field voltage of the exciter
     """
 )
 _VA = record(
     """
-    VAMAX | pu | 14.5  | - | any | upper limit of the regulator
-    VAMIN | pu | -14.5 | - | any | lower limit of the regulator
+    VAMAX | pu | 14.5  | limit | any | upper limit of the regulator
+    VAMIN | pu | -14.5 | limit | any | lower limit of the regulator
     """
 )
 
@@ -123,7 +123,7 @@ def start_exac1(v: Values) -> Start:
 
 def start_esac1a(v: Values) -> Start:
     """Equilibrium of ESAC1A."""
-    states, setpoints, limits = start_exac1(v)
+    states, setpoints, limits, _ = start_exac1(v)
     VFE = states["A"]
     low, high = holding(VFE, v["VAMIN"], v["VAMAX"])
     gateU, under = under_excitation_gate(v, VFE)
@@ -158,7 +158,7 @@ EXAC1 = Part(
     states=("VE", "xF", "Vm", "x", "A"),
     setpoints=("Vref", "low", "high", "lowE", "satA", "satB"),
     start=start_exac1,
-    rules=("VRMIN < VRMAX", "TC needs TB"),
+    rules=("VRMIN < VRMAX", "TC needs TB", "KF needs TF"),
     formula="(1) to (5), (X1) to (X3)",
     source="PSS/E model library, EXAC1",
 )
@@ -172,7 +172,7 @@ ESAC1A = Part(
     states=("VE", "xF", "Vm", "x", "A"),
     setpoints=("Vref", "low", "high", "lowR", "highR", "gateU", "gateO", "lowE", "satA", "satB"),
     start=start_esac1a,
-    rules=("VAMIN < VAMAX", "VRMIN < VRMAX", "TC needs TB"),
+    rules=("VAMIN < VAMAX", "VRMIN < VRMAX", "TC needs TB", "KF needs TF"),
     formula="(1) to (5), (X1) to (X3)",
     source="PSS/E model library, ESAC1A",
 )

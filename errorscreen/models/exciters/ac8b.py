@@ -35,18 +35,18 @@ FIELDS = record(
     KIR         | pu/s | 5    | 1 .. 100    | >= 0 | integral gain
     KDR         | pu s | 10   | 0 .. 40     | >= 0 | derivative gain
     TDR         | s    | 0.1  | -           | >= 0 | lag of the derivative
-    VPIDMAX     | pu   | 35   | -           | any  | upper limit of the PID regulator
-    VPIDMIN     | pu   | 0    | -           | any  | lower limit of the PID regulator
+    VPIDMAX     | pu   | 35   | limit       | any  | upper limit of the PID regulator
+    VPIDMIN     | pu   | 0    | limit       | any  | lower limit of the PID regulator
     KA          | pu   | 1    | -           | > 0  | gain of the amplifier
     TA          | s    | 0.02 | -           | >= 0 | time constant of the amplifier
-    VRMAX       | pu   | 35   | -           | any  | upper limit of the amplifier
-    VRMIN       | pu   | 0    | -           | any  | lower limit of the amplifier
+    VRMAX       | pu   | 35   | limit       | any  | upper limit of the amplifier
+    VRMIN       | pu   | 0    | limit       | any  | lower limit of the amplifier
     KC          | pu   | 0.3  | -           | >= 0 | loading factor of the rectifier
     KD          | pu   | 0.5  | 0.1 .. 1.5  | >= 0 | demagnetisation by the field current of the machine
     KE          | pu   | 1    | -           | >= 0 | constant of the exciter
     TE          | s    | 1.2  | 0.3 .. 2    | > 0  | time constant of the exciter
-    VFEMAX      | pu   | 6    | -           | any  | upper limit of the field current of the exciter
-    VEMIN       | pu   | 0    | -           | >= 0 | lower limit of the voltage of the exciter
+    VFEMAX      | pu   | 6    | limit       | any  | upper limit of the field current of the exciter
+    VEMIN       | pu   | 0    | limit       | >= 0 | lower limit of the voltage of the exciter
     E1          | pu   | 6.5  | -           | >= 0 | first point of the saturation
     S1 = SE(E1) | -    | 0.3  | -           | >= 0 | saturation at E1
     E2          | pu   | 9    | -           | >= 0 | second point of the saturation

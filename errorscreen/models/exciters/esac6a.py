@@ -33,14 +33,14 @@ FIELDS = record(
     TK          | s  | 0.18  | 0 .. 0.5      | >= 0 | first lead of the regulator
     TB          | s  | 9     | 2 .. 20       | >= 0 | second lag of the regulator
     TC          | s  | 3     | 0.5 .. 8      | >= 0 | second lead of the regulator
-    VAMAX       | pu | 75    | -             | any  | upper limit of the regulator
-    VAMIN       | pu | -75   | -             | any  | lower limit of the regulator
-    VRMAX       | pu | 44    | -             | any  | upper limit of the field voltage of the exciter, at 1 pu
-    VRMIN       | pu | -36   | -             | any  | lower limit of the field voltage of the exciter, at 1 pu
+    VAMAX       | pu | 75    | limit         | any  | upper limit of the regulator
+    VAMIN       | pu | -75   | limit         | any  | lower limit of the regulator
+    VRMAX       | pu | 44    | limit         | any  | upper limit of the field voltage of the exciter, at 1 pu
+    VRMIN       | pu | -36   | limit         | any  | lower limit of the field voltage of the exciter, at 1 pu
     TE          | s  | 1     | 0.2 .. 2      | > 0  | time constant of the exciter
-    VFELIM      | pu | 19    | -             | any  | field current at which the limiter acts
+    VFELIM      | pu | 19    | limit         | any  | field current at which the limiter acts
     KH          | pu | 92    | -             | >= 0 | gain of the limiter of the field current
-    VHMAX       | pu | 75    | -             | >= 0 | upper limit of the limiter
+    VHMAX       | pu | 75    | limit         | >= 0 | upper limit of the limiter
     TH          | s  | 0.08  | -             | >= 0 | lag of the limiter
     TJ          | s  | 0.02  | -             | >= 0 | lead of the limiter
     KC          | pu | 0.173 | -             | >= 0 | loading factor of the rectifier

@@ -36,9 +36,9 @@ FIELDS = record(
     TA          | s    | 0.05 | 0.01 .. 0.3  | >= 0 | time constant of the regulator
     TB          | s    | 0    | -            | >= 0 | lag time constant
     TC          | s    | 0    | -            | >= 0 | lead time constant
-    VRMAX       | pu   | 5    | -            | any  | upper limit of the regulator; 0: computed
-    VRMIN       | pu   | -5   | -            | any  | lower limit of the regulator
-    KE          | pu   | 1    | -            | any  | constant of the exciter; 0: computed
+    VRMAX       | pu   | 5    | limit unless 0 | any  | upper limit of the regulator; 0: computed
+    VRMIN       | pu   | -5   | limit        | any  | lower limit of the regulator
+    KE          | pu   | 1    | - unless 0   | any  | constant of the exciter; 0: computed
     TE          | s    | 0.8  | 0.1 .. 1.5   | > 0  | time constant of the exciter
     KF          | pu   | 0.05 | 0.005 .. 0.2 unless 0 | >= 0 | gain of the rate feedback
     TF1         | s    | 1    | 0.3 .. 2     | >= 0 | time constant of the rate feedback

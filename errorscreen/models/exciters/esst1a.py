@@ -42,23 +42,23 @@ FIELDS = record(
     UEL   | code | 1    | -            | 0, 1, 2, 3 | entry of the signal of under-excitation
     VOS   | code | 1    | -            | 1, 2 | entry of the stabiliser: 1 error of voltage, 2 output of regulator
     TR    | s    | 0.02 | -            | >= 0 | time constant of the voltage transducer
-    VIMAX | pu   | 99   | -            | any  | upper limit of the error
-    VIMIN | pu   | -99  | -            | any  | lower limit of the error
+    VIMAX | pu   | 99   | limit        | any  | upper limit of the error
+    VIMIN | pu   | -99  | limit        | any  | lower limit of the error
     TC    | s    | 1    | 0.1 .. 5 unless 0     | >= 0 | lead time constant
     TB    | s    | 10   | 1 .. 20 unless 0      | >= 0 | lag time constant
     TC1   | s    | 0    | -            | >= 0 | second lead time constant
     TB1   | s    | 0    | -            | >= 0 | second lag time constant
     KA    | pu   | 200  | 50 .. 500    | > 0  | gain of the regulator
     TA    | s    | 0.01 | -            | >= 0 | time constant of the regulator
-    VAMAX | pu   | 99   | -            | any  | upper limit of the regulator
-    VAMIN | pu   | -99  | -            | any  | lower limit of the regulator
-    VRMAX | pu   | 6    | -            | any  | upper limit of the field voltage at V = 1
-    VRMIN | pu   | -5   | -            | any  | lower limit of the field voltage at V = 1
+    VAMAX | pu   | 99   | limit        | any  | upper limit of the regulator
+    VAMIN | pu   | -99  | limit        | any  | lower limit of the regulator
+    VRMAX | pu   | 6    | limit        | any  | upper limit of the field voltage at V = 1
+    VRMIN | pu   | -5   | limit        | any  | lower limit of the field voltage at V = 1
     KC    | pu   | 0.1  | 0 .. 0.4 unless 0     | >= 0 | loading of the rectifier
     KF    | pu   | 0    | -            | >= 0 | gain of the rate feedback
     TF    | s    | 1    | -            | >= 0 | time constant of the rate feedback
     KLR   | pu   | 0    | -            | >= 0 | gain of the limiter of the field current
-    ILR   | pu   | 0    | -            | any  | field current at which the limiter begins
+    ILR   | pu   | 0    | limit        | any  | field current at which the limiter begins
     """
 )
 
@@ -127,6 +127,7 @@ def start(v: Values) -> Start:
     error = VA / v["KA"]
     lowI, highI = holding(error, v["VIMIN"], v["VIMAX"])
     lowA, highA = holding(VA, v["VAMIN"], v["VAMAX"])
+    relative, loaded = E / V, (E + v["KC"] * If) / V
     gateI, at_error = under_excitation_gate(v, error)
     gateA, under = under_excitation_gate(v, E)
     gateO, over = over_excitation_gate(v, E)
@@ -138,8 +139,8 @@ def start(v: Values) -> Start:
             "highI": highI,
             "lowA": lowA,
             "highA": highA,
-            "lowR": np.minimum(E / V, v["VRMIN"]),
-            "highR": np.maximum((E + v["KC"] * If) / V, v["VRMAX"]),
+            "lowR": np.minimum(relative, v["VRMIN"]),
+            "highR": np.maximum(loaded, v["VRMAX"]),
             "gateI": np.where(v["UEL"] == 2, gateI, -OPEN),
             "gateA": np.where(v["UEL"] == 3, gateA, -OPEN),
             "gateO": gateO,
@@ -147,7 +148,8 @@ def start(v: Values) -> Start:
         (
             Limit("error of voltage", error, v["VIMIN"], v["VIMAX"], ("VIMIN", "VIMAX")),
             Limit("regulator", VA, v["VAMIN"], v["VAMAX"], ("VAMIN", "VAMAX")),
-            Limit("field voltage", E, V * v["VRMIN"], V * v["VRMAX"] - v["KC"] * If, ("VRMIN", "VRMAX")),
+            Limit("field voltage at V = 1", relative, v["VRMIN"], np.inf, ("VRMIN", "infinity")),
+            Limit("field voltage at V = 1 with loading", loaded, -np.inf, v["VRMAX"], ("-infinity", "VRMAX")),
             at_error._replace(lower=np.where(v["UEL"] == 2, at_error.lower, -OPEN)),
             under._replace(lower=np.where(v["UEL"] == 3, under.lower, -OPEN)),
             over,

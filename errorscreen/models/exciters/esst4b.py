@@ -34,17 +34,17 @@ FIELDS = record(
     TR     | s   | 0.02 | -         | >= 0 | time constant of the voltage transducer
     KPR    | pu  | 3    | 0.5 .. 15 | >= 0 | proportional gain of the voltage regulator
     KIR    | pu/s | 3   | 0.5 .. 15 | >= 0 | integral gain of the voltage regulator
-    VRMAX  | pu  | 1    | -         | any  | upper limit of the voltage regulator
-    VRMIN  | pu  | -0.87 | -        | any  | lower limit of the voltage regulator
+    VRMAX  | pu  | 1    | limit     | any  | upper limit of the voltage regulator
+    VRMIN  | pu  | -0.87 | limit    | any  | lower limit of the voltage regulator
     TA     | s   | 0.01 | -         | >= 0 | time constant of the regulator
     KPM    | pu  | 1    | -         | >= 0 | proportional gain of the inner regulator
     KIM    | pu/s | 0   | -         | >= 0 | integral gain of the inner regulator
-    VMMAX  | pu  | 1    | -         | any  | upper limit of the inner regulator
-    VMMIN  | pu  | -0.87 | -        | any  | lower limit of the inner regulator
+    VMMAX  | pu  | 1    | limit     | any  | upper limit of the inner regulator
+    VMMIN  | pu  | -0.87 | limit    | any  | lower limit of the inner regulator
     KG     | pu  | 0    | -         | >= 0 | gain of the feedback of the field voltage
     KP     | pu  | 6.7  | 3 .. 12   | >= 0 | gain of the source on the voltage
     KI     | pu  | 0    | -         | >= 0 | gain of the source on the current
-    VBMAX  | pu  | 8.4  | -         | > 0  | upper limit of the available voltage
+    VBMAX  | pu  | 8.4  | limit     | > 0  | upper limit of the available voltage
     KC     | pu  | 0.1  | 0 .. 0.4 unless 0  | >= 0 | loading of the rectifier
     XL     | pu  | 0    | -         | >= 0 | reactance of the source
     THETAP | deg | 0    | -         | any  | angle of the gain KP

@@ -32,11 +32,11 @@ FIELDS = record(
     TC          | s  | 0     | -            | >= 0 | lead of the regulator
     KA          | pu | 400   | 50 .. 1000   | > 0  | gain of the regulator
     TA          | s  | 0.02  | 0.01 .. 0.2  | >= 0 | time constant of the regulator
-    VAMAX       | pu | 8     | -            | any  | upper limit of the regulator
-    VAMIN       | pu | -8    | -            | any  | lower limit of the regulator
+    VAMAX       | pu | 8     | limit        | any  | upper limit of the regulator
+    VAMIN       | pu | -8    | limit        | any  | lower limit of the regulator
     KB          | pu | 25    | 5 .. 100     | > 0  | gain of the second stage
-    VRMAX       | pu | 105   | -            | any  | upper limit of the field voltage of the exciter
-    VRMIN       | pu | -95   | -            | any  | lower limit of the field voltage of the exciter
+    VRMAX       | pu | 105   | limit        | any  | upper limit of the field voltage of the exciter
+    VRMIN       | pu | -95   | limit        | any  | lower limit of the field voltage of the exciter
     TE          | s  | 0.6   | 0.2 .. 2     | > 0  | time constant of the exciter
     KL          | pu | 10    | -            | > 0  | gain of the limiter of the field current
     KH          | pu | 1     | -            | >= 0 | gain of the field current feedback
@@ -45,7 +45,7 @@ FIELDS = record(
     KC          | pu | 0.28  | -            | >= 0 | loading factor of the rectifier
     KD          | pu | 0.35  | 0.1 .. 1     | >= 0 | demagnetisation by the field current of the machine
     KE          | pu | 1     | -            | any  | constant of the exciter
-    VLR         | pu | 4.4   | -            | any  | field current at which the limiter acts
+    VLR         | pu | 4.4   | limit        | any  | field current at which the limiter acts
     E1          | pu | 4.4   | -            | >= 0 | first point of the saturation
     S1 = SE(E1) | -  | 0.037 | -            | >= 0 | saturation at E1
     E2          | pu | 3.3   | -            | >= 0 | second point of the saturation
@@ -99,7 +99,7 @@ EXAC2 = Part(
     states=("VE", "xF", "Vm", "x", "A"),
     setpoints=("Vref", "low", "high", "lowR", "highR", "limitL", "lowE", "satA", "satB"),
     start=start,
-    rules=("VAMIN < VAMAX", "VRMIN < VRMAX", "TC needs TB"),
+    rules=("VAMIN < VAMAX", "VRMIN < VRMAX", "TC needs TB", "KF needs TF"),
     formula="(1) to (5), (X1) to (X3)",
     source="PSS/E model library, EXAC2",
 )

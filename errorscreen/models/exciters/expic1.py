@@ -42,20 +42,20 @@ FIELDS = record(
     TR          | s  | 0.02 | -         | >= 0 | time constant of the voltage transducer
     KA          | pu | 5    | 1 .. 30   | > 0  | gain of the regulator
     TA1         | s  | 1    | 0.2 .. 5  | >= 0 | lead time constant of the regulator
-    VR1         | pu | 5    | -         | any  | upper limit of the regulator
-    VR2         | pu | -5   | -         | any  | lower limit of the regulator
+    VR1         | pu | 5    | limit     | any  | upper limit of the regulator
+    VR2         | pu | -5   | limit     | any  | lower limit of the regulator
     TA2         | s  | 0.05 | -         | >= 0 | lag time constant
     TA3         | s  | 0    | -         | >= 0 | lead time constant
     TA4         | s  | 0    | -         | >= 0 | second lag time constant
-    VRMAX       | pu | 5    | -         | any  | upper limit of the voltage behind the lags
-    VRMIN       | pu | -5   | -         | any  | lower limit of the voltage behind the lags
+    VRMAX       | pu | 5    | limit     | any  | upper limit of the voltage behind the lags
+    VRMIN       | pu | -5   | limit     | any  | lower limit of the voltage behind the lags
     KF          | pu | 0    | -         | >= 0 | gain of the rate feedback
     TF1         | s  | 1    | -         | >= 0 | time constant of the rate feedback
     TF2         | s  | 0    | -         | >= 0 | second time constant of the rate feedback
-    EFDMAX      | pu | 6    | -         | any  | upper limit of the field voltage
-    EFDMIN      | pu | -5   | -         | any  | lower limit of the field voltage
+    EFDMAX      | pu | 6    | limit     | any  | upper limit of the field voltage
+    EFDMIN      | pu | -5   | limit     | any  | lower limit of the field voltage
     KE          | pu | 1    | -         | any  | constant of the exciter
-    TE          | s  | 0    | -         | >= 0 | time constant of the exciter; 0: no exciter
+    TE          | s  | 0    | - unless 0 | >= 0 | time constant of the exciter; 0: no exciter
     E1          | pu | 3    | -         | >= 0 | first point of the saturation
     S1 = SE(E1) | -  | 0    | -         | >= 0 | saturation at E1
     E2          | pu | 4    | -         | >= 0 | second point of the saturation
@@ -183,7 +183,7 @@ EXPIC1 = Part(
     states=("Vm", "xA", "x2", "x4", "xF", "xG", "E"),
     setpoints=("Vref", "lowA", "highA", "lowR", "highR", "lowE", "highE", "satA", "satB"),
     start=start,
-    rules=("VR2 < VR1", "VRMIN < VRMAX", "EFDMIN < EFDMAX"),
+    rules=("VR2 < VR1", "VRMIN < VRMAX", "EFDMIN < EFDMAX", "TA3 needs TA2 or TA4", "KF needs TF1 or TF2"),
     formula="VR = [(1 + s TA3) / ((1 + s TA2) (1 + s TA4)) · KA (1 + s TA1) / s · (Vref + Vs − Vc / (1 + s TR) − VF)] "
     "within VRMIN, VRMAX; E0 = [VR VB] within EFDMIN, EFDMAX; TE dEfd/dt = E0 − (KE + SE(Efd)) Efd",
     source="PSS/E model library, EXPIC1",

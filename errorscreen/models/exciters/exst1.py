@@ -27,14 +27,14 @@ from errorscreen.models.part import Limit, Part, Start, Values, holding, record
 FIELDS = record(
     """
     TR    | s  | 0.02 | -           | >= 0 | time constant of the voltage transducer
-    VIMAX | pu | 0.2  | -           | any  | upper limit of the error
-    VIMIN | pu | -0.2 | -           | any  | lower limit of the error
+    VIMAX | pu | 0.2  | limit       | any  | upper limit of the error
+    VIMIN | pu | -0.2 | limit       | any  | lower limit of the error
     TC    | s  | 1    | 0.1 .. 5 unless 0    | >= 0 | lead time constant
     TB    | s  | 10   | 1 .. 20 unless 0     | >= 0 | lag time constant
     KA    | pu | 200  | 50 .. 500   | > 0  | gain of the regulator
     TA    | s  | 0.02 | 0.01 .. 0.2 | >= 0 | time constant of the regulator
-    VRMAX | pu | 6    | -           | any  | upper limit of the field voltage at V = 1
-    VRMIN | pu | -5   | -           | any  | lower limit of the field voltage at V = 1
+    VRMAX | pu | 6    | limit       | any  | upper limit of the field voltage at V = 1
+    VRMIN | pu | -5   | limit       | any  | lower limit of the field voltage at V = 1
     KC    | pu | 0.1  | 0 .. 0.4 unless 0    | >= 0 | loading of the rectifier
     KF    | pu | 0    | -           | >= 0 | gain of the rate feedback
     TF    | s  | 1    | -           | >= 0 | time constant of the rate feedback

@@ -28,9 +28,9 @@ FIELDS = record(
     TR          | s    | 0.02 | -            | >= 0 | time constant of the voltage transducer
     KA          | pu   | 100  | 10 .. 400    | > 0  | gain of the regulator
     TA          | s    | 0.05 | 0.01 .. 0.3  | >= 0 | time constant of the regulator
-    VRMAX       | pu   | 4    | -            | any  | upper limit of the regulator; 0: computed
-    VRMIN       | pu   | -4   | -            | any  | lower limit of the regulator
-    KE          | pu   | 1    | -            | any  | constant of the exciter; 0: computed
+    VRMAX       | pu   | 4    | limit unless 0 | any  | upper limit of the regulator; 0: computed
+    VRMIN       | pu   | -4   | limit        | any  | lower limit of the regulator
+    KE          | pu   | 1    | - unless 0   | any  | constant of the exciter; 0: computed
     TE          | s    | 0.5  | 0.1 .. 1.5   | > 0  | time constant of the exciter
     KF          | pu   | 0.05 | 0.005 .. 0.2 unless 0 | >= 0 | gain of the rate feedback
     TF          | s    | 1    | 0.3 .. 2     | >= 0 | time constant of the rate feedback

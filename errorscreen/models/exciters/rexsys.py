@@ -34,14 +34,14 @@ FIELDS = record(
     TR          | s    | 0.02   | -           | >= 0    | time constant of the voltage transducer
     KVP         | pu   | 200    | 50 .. 3000  | >= 0    | proportional gain of the voltage regulator
     KVI         | pu/s | 0      | -           | >= 0    | integral gain of the voltage regulator
-    VIMAX       | pu   | 0.1    | -           | > 0     | limit of the error of the voltage
+    VIMAX       | pu   | 0.1    | limit       | > 0     | limit of the error of the voltage
     TA          | s    | 0.01   | -           | >= 0    | time constant of the voltage regulator
     TB1         | s    | 0      | -           | >= 0    | first lag
     TC1         | s    | 0      | -           | >= 0    | first lead
     TB2         | s    | 0      | -           | >= 0    | second lag
     TC2         | s    | 0      | -           | >= 0    | second lead
-    VRMAX       | pu   | 20     | -           | any     | upper limit of the voltage regulator
-    VRMIN       | pu   | -20    | -           | any     | lower limit of the voltage regulator
+    VRMAX       | pu   | 20     | limit       | any     | upper limit of the voltage regulator
+    VRMIN       | pu   | -20    | limit       | any     | lower limit of the voltage regulator
     KF          | pu   | 0.05   | 0.01 .. 0.2 | >= 0    | gain of the rate feedback
     TF          | s    | 1      | 0.3 .. 2    | >= 0    | time constant of the rate feedback
     TF1         | s    | 0      | -           | >= 0    | lead of the rate feedback
@@ -50,8 +50,8 @@ FIELDS = record(
     KIP         | pu   | 1      | 0.5 .. 10   | >= 0    | proportional gain of the field current regulator
     KII         | pu/s | 0      | -           | >= 0    | integral gain of the field current regulator
     TP          | s    | 0      | -           | >= 0    | time constant of the bridge
-    VFMAX       | pu   | 15     | -           | any     | upper limit of the field voltage of the exciter
-    VFMIN       | pu   | -10    | -           | any     | lower limit of the field voltage of the exciter
+    VFMAX       | pu   | 15     | limit       | any     | upper limit of the field voltage of the exciter
+    VFMIN       | pu   | -10    | limit       | any     | lower limit of the field voltage of the exciter
     KH          | pu   | 0      | -           | >= 0    | gain of the field current feedback
     KE          | pu   | 1      | -           | any     | constant of the exciter
     TE          | s    | 1.2    | 0.3 .. 2    | > 0     | time constant of the exciter
@@ -170,7 +170,14 @@ REXSYS = Part(
     states=("VE", "Vm", "xV", "x1", "x2", "R", "xC", "xP", "xF", "xF2"),
     setpoints=("Vref", "lowI", "highI", "lowR", "highR", "lowF", "highF", "lowE", "satA", "satB"),
     start=start,
-    rules=("VRMIN < VRMAX", "VFMIN < VFMAX", "TC1 needs TB1", "TC2 needs TB2", "TF1 needs TF2"),
+    rules=(
+        "VRMIN < VRMAX",
+        "VFMIN < VFMAX",
+        "TC1 needs TB1",
+        "TC2 needs TB2",
+        "KF needs TF",
+        "TF1 needs TF2",
+    ),
     formula="(1) to (6), (X1) to (X3)",
     source="PSS/E model library, REXSYS",
     aliases=("REXS",),

@@ -30,8 +30,8 @@ FIELDS = record(
     TB               | s    | 10   | 1 .. 20 unless 0      | >= 0 | lag time constant
     K                | pu   | 200  | 20 .. 400    | > 0  | gain
     TE               | s    | 0.05 | 0.004 .. 0.2 | >= 0 | time constant of the exciter
-    EMIN             | pu   | 0    | -            | any  | lower limit of the field voltage, at V = 1 if bus fed
-    EMAX             | pu   | 5    | -            | any  | upper limit of the field voltage, at V = 1 if bus fed
+    EMIN             | pu   | 0    | limit        | any  | lower limit of the field voltage, at V = 1 if bus fed
+    EMAX             | pu   | 5    | limit        | any  | upper limit of the field voltage, at V = 1 if bus fed
     CSWITCH          | code | 0    | -            | 0, 1 | 0: fed by the bus, 1: by a solid source
     rc_rfd = rc/rfd  | -    | 0    | -            | >= 0 | resistance for negative current over that of the field
     """

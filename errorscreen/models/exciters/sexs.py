@@ -23,8 +23,8 @@ FIELDS = record(
     TB            | s  | 10  | 1 .. 20     | >= 0 | lag time constant
     K             | pu | 100 | 20 .. 400   | > 0  | gain
     TE            | s  | 0.1 | 0.01 .. 0.6 | >= 0 | time constant of the exciter
-    EMIN          | pu | 0   | -           | any  | lower limit of the field voltage
-    EMAX          | pu | 5   | -           | any  | upper limit of the field voltage
+    EMIN          | pu | 0   | limit       | any  | lower limit of the field voltage
+    EMAX          | pu | 5   | limit       | any  | upper limit of the field voltage
     """
 )
 

@@ -37,8 +37,8 @@ FIELDS = record(
     TC2   | s  | 0.08  | 0.02 .. 0.5 unless 0 | >= 0 | second lead time constant
     TB2   | s  | 0.01  | -           | >= 0 | second lag time constant
     KR    | pu | 200   | 50 .. 500   | > 0  | gain of the regulator
-    VRMAX | pu | 5     | -           | any  | upper limit of the regulator
-    VRMIN | pu | -4    | -           | any  | lower limit of the regulator
+    VRMAX | pu | 5     | limit       | any  | upper limit of the regulator
+    VRMIN | pu | -4    | limit       | any  | lower limit of the regulator
     T1    | s  | 0.004 | -           | >= 0 | time constant of the firing circuit
     KC    | pu | 0.004 | 0 .. 0.4 unless 0    | >= 0 | loading of the rectifier
     TUC1  | s  | 2     | -           | >= 0 | first lead time constant at under-excitation

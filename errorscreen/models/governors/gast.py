@@ -27,10 +27,10 @@ FIELDS = record(
     T1    | s  | 0.4  | 0.05 .. 1   | >= 0 | time constant of the valve
     T2    | s  | 0.1  | 0.05 .. 1   | >= 0 | time constant of the turbine
     T3    | s  | 3.0  | 1 .. 6      | >= 0 | time constant of the temperature's measurement
-    AT    | pu | 1.0  | -           | any  | load limit of the ambient temperature
+    AT    | pu | 1.0  | limit       | any  | load limit of the ambient temperature
     KT    | pu | 2.0  | 1 .. 5      | >= 0 | gain of the temperature loop
-    VMAX  | pu | 1.0  | -           | any  | upper limit of the valve
-    VMIN  | pu | 0.0  | -           | any  | lower limit of the valve
+    VMAX  | pu | 1.0  | limit       | any  | upper limit of the valve
+    VMIN  | pu | 0.0  | limit       | any  | lower limit of the valve
     Dturb | pu | 0.0  | -           | >= 0 | damping of the turbine
     """
 )
@@ -75,4 +75,5 @@ GAST = Part(
     rules=("VMIN < VMAX",),
     formula="Pm = min(Pref − Δω / R, AT + KT (AT − x3)) / (1 + s T1) / (1 + s T2) − Dturb Δω",
     source="PSS/E model library, GAST",
+    gate="x1",
 )

@@ -32,8 +32,9 @@ What the sources leave open, and what this model does:
 - The delay TENG is a Padé approximation of second order.
 - D_M > 0 counts from nominal speed, so that LDREF is a power at nominal speed.
 - RUP and RDOWN limit changes of LDREF, which is constant here.
-- Powers are in per unit of the machine's base, as with TRATE = 0. A record with another rating is the same as one with
-  KTURB, DM > 0 and LDREF times TRATE over the machine's base, and KIMW, and R with RSELECT = 1, divided by it.
+- Powers of the record are in per unit of the turbine's rating TRATE in MW, or of the machine's base where that is 0
+  (`errorscreen.models.rating`): with :math:`\rho` for TRATE over the machine's base, :math:`P/\rho` stands for P in
+  (9), and :math:`\rho P_m` is what drives the machine.
 
 (PSS/E model library, GGOV1; IEEE PES-TR1, *Dynamic Models for Turbine-Governors in Power System Studies*, 2013, section
 3.1.2.3.)
@@ -50,6 +51,7 @@ from errorscreen.engine.stages import stage
 from errorscreen.engine.vmath import clip, hold_at_limits, power, select
 from errorscreen.models.blocks import dead_band, lag, lead_lag, longer
 from errorscreen.models.part import Limit, Part, Start, Values, holding, record
+from errorscreen.models.rating import rating
 
 FIELDS = record(
     """
@@ -57,14 +59,14 @@ FIELDS = record(
     FLAG    | code | 0    | -           | 0, 1 | 1: fuel flow proportional to the speed
     R       | pu   | 0.04 | 0.02 .. 0.1 | >= 0 | permanent droop
     TPELEC  | s    | 1.0  | -           | >= 0 | time constant of the measured power
-    MAXERR  | pu   | 0.05 | -           | >= 0 | upper limit of the speed error
-    MINERR  | pu   | -0.05 | -          | <= 0 | lower limit of the speed error
+    MAXERR  | pu   | 0.05 | limit       | >= 0 | upper limit of the speed error
+    MINERR  | pu   | -0.05 | limit      | <= 0 | lower limit of the speed error
     KPGOV   | pu   | 10.0 | 2 .. 30     | >= 0 | proportional gain of the governor
     KIGOV   | pu/s | 2.0  | 0.2 .. 10   | >= 0 | integral gain of the governor
     KDGOV   | pu s | 0.0  | -           | >= 0 | derivative gain of the governor
     TDGOV   | s    | 1.0  | -           | >= 0 | lag of the derivative
-    VMAX    | pu   | 1.0  | -           | any  | upper limit of the valve
-    VMIN    | pu   | 0.15 | -           | any  | lower limit of the valve
+    VMAX    | pu   | 1.0  | limit       | any  | upper limit of the valve
+    VMIN    | pu   | 0.15 | limit       | any  | lower limit of the valve
     TACT    | s    | 0.5  | 0.1 .. 1    | >= 0 | time constant of the actuator
     KTURB   | pu   | 1.5  | -           | > 0  | gain of the turbine
     WFNL    | pu   | 0.2  | -           | any  | fuel flow at no load
@@ -74,15 +76,15 @@ FIELDS = record(
     TFLOAD  | s    | 3.0  | -           | >= 0 | time constant of the load limiter
     KPLOAD  | pu   | 2.0  | -           | >= 0 | proportional gain of the load limiter
     KILOAD  | pu/s | 0.67 | -           | >= 0 | integral gain of the load limiter
-    LDREF   | pu   | 1.0  | -           | any  | power that the load limiter allows
+    LDREF   | pu   | 1.0  | limit       | any  | power that the load limiter allows
     DM      | pu   | 0.0  | -           | any  | damping of the turbine; < 0: exponent of the speed at the load limit
-    ROPEN   | pu/s | 0.1  | -           | > 0  | limit of the opening rate
-    RCLOSE  | pu/s | -0.1 | -           | <= 0 | limit of the closing rate, negative
+    ROPEN   | pu/s | 0.1  | limit       | > 0  | limit of the opening rate
+    RCLOSE  | pu/s | -0.1 | limit       | <= 0 | limit of the closing rate, negative
     KIMW    | pu/s | 0.0  | -           | >= 0 | gain of the power controller
     ASET    | pu/s | 0.01 | -           | >= 0 | acceleration that the control allows
     KA      | pu   | 10.0 | -           | >= 0 | gain of the acceleration control
     TA      | s    | 0.1  | -           | >= 0 | lag of the acceleration control
-    TRATE   | MW   | 0.0  | -           | >= 0 | rating of the turbine; 0: the machine's base
+    TRATE   | MW   | 0.0  | - unless 0  | >= 0 | rating of the turbine, base of its powers; 0: the machine's base
     DB      | pu   | 0.0  | -           | >= 0 | half width of the dead band of the speed error
     TSA     | s    | 4.0  | -           | >= 0 | lead of the temperature's measurement
     TSB     | s    | 5.0  | -           | >= 0 | lag of the temperature's measurement
@@ -108,9 +110,11 @@ def _integral(
 
 
 @stage("Pf", "d_pf", "d_m")
-def measured_power(P: Any, pf: Any, m: Any, R: Any, TPELEC: Any, KIMW: Any, Pset: Any, shortest: Any) -> Any:
+def measured_power(
+    P: Any, pf: Any, m: Any, R: Any, TPELEC: Any, KIMW: Any, Pset: Any, rated: Any, shortest: Any
+) -> Any:  # fmt: skip
     """Measured power and the power controller, (9)."""
-    Pf, d_pf = lag(pf, P, TPELEC, shortest)
+    Pf, d_pf = lag(pf, P / rated, TPELEC, shortest)
     return Pf, d_pf, hold_at_limits(m, KIMW * (Pset - Pf), -1.1 * R, 1.1 * R)
 
 
@@ -161,7 +165,7 @@ def controllers(
 @stage("Pm", "d_v", "d_dp", "d_dq", "d_xt")
 def turbine(
     omega: Any, y: Any, v: Any, fuel: Any, dp: Any, dq: Any, xt: Any, TACT: Any, ROPEN: Any, RCLOSE: Any, KTURB: Any,
-    WFNL: Any, TB: Any, TC: Any, TENG: Any, DM: Any, shortest: Any,
+    WFNL: Any, TB: Any, TC: Any, TENG: Any, DM: Any, rated: Any, shortest: Any,
 ) -> Any:  # fmt: skip
     """Actuator, transport delay and turbine, (6) and (7).
 
@@ -173,12 +177,13 @@ def turbine(
     late = select(2.0 * shortest > TENG, given, given - 12.0 * dp)
     turned, d_xt = lead_lag(xt, late, TC, TB, shortest)
     Pm = turned - select(DM > 0.0, DM, 0.0) * (omega - 1.0)
-    return Pm, d_v, (given - 6.0 * dp - 12.0 * dq) / T, dp / T, d_xt
+    return rated * Pm, d_v, (given - 6.0 * dp - 12.0 * dq) / T, dp / T, d_xt
 
 
 def start(v: Values) -> Start:
     """Equilibrium at the mechanical power Pm0 with the governor in control."""
-    power, zero = v["Pm0"], 0.0 * v["Pm0"]
+    rated = rating(v)
+    power, measured, zero = v["Pm0"] / rated, v["P"] / rated, 0.0 * v["Pm0"]
     stroke = power / v["KTURB"] + v["WFNL"]
     low, high = holding(stroke, v["VMIN"], v["VMAX"])
     top = np.maximum(1.0, stroke)
@@ -188,17 +193,18 @@ def start(v: Values) -> Start:
     select_one = [v["RSELECT"] == 1.0, v["RSELECT"] == 0.0]
     return Start(
         {
-            "pf": v["P"], "m": zero, "zn": stroke, "xd": zero, "zt": np.where(follows | at_limit, stroke, top),
+            "pf": measured, "m": zero, "zn": stroke, "xd": zero, "zt": np.where(follows | at_limit, stroke, top),
             "za": stroke, "xa": zero, "v": stroke, "ts": stroke, "tx": stroke,
             "dp": zero, "dq": power / 12.0, "xt": power,
         },
         {
-            "Pref": v["R"] * np.select(select_one, [v["P"], zero], stroke),
-            "Pset": v["P"],
+            "Pref": v["R"] * np.select(select_one, [measured, zero], stroke),
+            "Pset": measured,
             "load": np.maximum(v["LDREF"], power) / v["KTURB"] + v["WFNL"],
             "top": top,
             "low": low,
             "high": high,
+            "rated": rated + zero,
         },
         (
             Limit("valve", stroke, v["VMIN"], v["VMAX"], ("VMIN", "VMAX")),
@@ -215,10 +221,11 @@ GGOV1 = Part(
     stages=(measured_power, temperature, controllers, turbine),
     ports=("Pm",),
     states=("pf", "m", "zn", "xd", "zt", "za", "xa", "v", "ts", "tx", "dp", "dq", "xt"),
-    setpoints=("Pref", "Pset", "load", "top", "low", "high"),
+    setpoints=("Pref", "Pset", "load", "top", "low", "high", "rated"),
     start=start,
-    rules=("VMIN < VMAX", "TC needs TB", "TSA needs TSB", "RCLOSE < ROPEN"),
+    rules=("VMIN < VMAX", "TC needs TB", "TSA needs TSB", "KDGOV needs TDGOV", "RCLOSE < ROPEN"),
     formula="y = min(PID of the speed error, PI of the load limit, acceleration control); "
     "Pm = (1 + s TC) / (1 + s TB) · e^(−s TENG) · KTURB (v − WFNL), v = y behind the actuator",
     source="PSS/E model library, GGOV1; IEEE PES-TR1, 2013",
+    gate="v",
 )

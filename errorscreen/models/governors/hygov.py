@@ -30,9 +30,9 @@ FIELDS = record(
     Tr    | s    | 6.0  | 2 .. 20     | > 0  | reset time of the dashpot
     Tf    | s    | 0.05 | -           | >= 0 | time constant of the filter
     Tg    | s    | 0.3  | 0.1 .. 1    | >= 0 | time constant of the gate servo
-    VELM  | pu/s | 0.2  | -           | > 0  | limit of the gate's velocity
-    GMAX  | pu   | 1.0  | -           | any  | upper limit of the gate
-    GMIN  | pu   | 0.0  | -           | any  | lower limit of the gate
+    VELM  | pu/s | 0.2  | limit       | > 0  | limit of the gate's velocity
+    GMAX  | pu   | 1.0  | limit       | any  | upper limit of the gate
+    GMIN  | pu   | 0.0  | limit       | any  | lower limit of the gate
     TW    | s    | 1.5  | 0.5 .. 3    | > 0  | water starting time
     At    | pu   | 1.2  | -           | > 0  | gain of the turbine
     Dturb | pu   | 0.3  | -           | >= 0 | damping of the turbine
@@ -82,5 +82,6 @@ HYGOV = Part(
     rules=("GMIN < GMAX",),
     formula="c = (1 + s Tr) / (r s Tr) · (nref − Δω − R c) / (1 + s Tf); TW dq/dt = 1 − (q/g)²; Pm = At h (q − qNL)",
     source="PSS/E model library, HYGOV",
+    gate="g",
     checked="OpenIPSL (one machine), PSS/E (three buses)",
 )

@@ -25,7 +25,7 @@ import numpy as np
 from errorscreen.engine.stages import stage
 from errorscreen.engine.vmath import clip, hold_at_limits
 from errorscreen.models.blocks import lag, lead_lag, longer
-from errorscreen.models.part import Limit, Part, Start, Values, holding, record
+from errorscreen.models.part import Conflict, Limit, Part, Start, Values, holding, record
 
 FIELDS = record(
     """
@@ -35,10 +35,10 @@ FIELDS = record(
     T1   | s    | 0.15  | 0.05 .. 0.6 | >= 0 | lag of the governor
     T2   | s    | 0.0   | -           | >= 0 | lead of the governor
     T3   | s    | 0.2   | 0.05 .. 0.6 | >= 0 | time constant of the valve positioner
-    UO   | pu/s | 0.3   | -           | > 0  | limit of the opening rate
-    UC   | pu/s | -0.5  | -           | <= 0 | limit of the closing rate, negative
-    PMAX | pu   | 1.0   | -           | any  | upper limit of the valve
-    PMIN | pu   | 0.0   | -           | any  | lower limit of the valve
+    UO   | pu/s | 0.3   | limit       | > 0  | limit of the opening rate
+    UC   | pu/s | -0.5  | limit       | <= 0 | limit of the closing rate, negative
+    PMAX | pu   | 1.0   | limit       | any  | upper limit of the valve
+    PMIN | pu   | 0.0   | limit       | any  | lower limit of the valve
     T4   | s    | 0.3   | 0.1 .. 1    | >= 0 | time constant of the steam inlet
     K1   | -    | 0.3   | -           | >= 0 | share of stage 1
     K2   | -    | 0.0   | -           | >= 0 | share of stage 1 for the low-pressure unit
@@ -82,6 +82,14 @@ def start(v: Values) -> Start:
         {"x": 0.0 * P, "v": P, "y4": P, "y5": P, "y6": P, "y7": P},
         {"Pref": P, "wref": 0.0 * P + 1.0, "low": low, "high": high},
         (Limit("valve", P, v["PMIN"], v["PMAX"], ("PMIN", "PMAX")),),
+        (
+            Conflict(
+                share <= 0,
+                "K1, K3, K5 and K7 are 0, so that no stage drives this unit. Give it its shares, or leave IEEEG1 out "
+                "where the unit is the low-pressure one of a cross-compound",
+                {},
+            ),
+        ),
     )
 
 
@@ -98,5 +106,6 @@ IEEEG1 = Part(
     rules=("PMIN < PMAX", "UC < UO", "T2 needs T1"),
     formula="v = ∫ [(Pref − K (1 + s T2) / (1 + s T1) Δω − v) / T3] dt; Pm = Σ shares of v behind T4, T5, T6, T7",
     source="PSS/E model library, IEEEG1",
+    gate="v",
     checked="OpenIPSL (one machine)",
 )

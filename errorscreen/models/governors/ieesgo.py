@@ -31,8 +31,8 @@ FIELDS = record(
     K1   | pu | 20.0 | 10 .. 50  | >= 0     | gain, 1/droop
     K2   | -  | 0.7  | 0.5 .. 0.9 | 0 .. 1  | share of the power behind the reheater
     K3   | -  | 0.5  | -         | 0 .. 1   | share of that behind the crossover
-    PMAX | pu | 1.0  | -         | any      | upper limit of the power
-    PMIN | pu | 0.0  | -         | any      | lower limit of the power
+    PMAX | pu | 1.0  | limit     | any      | upper limit of the power
+    PMIN | pu | 0.0  | limit     | any      | lower limit of the power
     """
 )
 

@@ -21,8 +21,8 @@ FIELDS = record(
     """
     R    | pu | 0.05 | 0.02 .. 0.1  | > 0  | permanent droop
     T1   | s  | 0.3  | 0.05 .. 1    | >= 0 | time constant of the valve
-    VMAX | pu | 1.0  | -            | any  | upper limit of the valve
-    VMIN | pu | 0.0  | -            | any  | lower limit of the valve
+    VMAX | pu | 1.0  | limit        | any  | upper limit of the valve
+    VMIN | pu | 0.0  | limit        | any  | lower limit of the valve
     T2   | s  | 2.0  | 0 .. 6       | >= 0 | lead of the reheater
     T3   | s  | 7.0  | 0.5 .. 15    | >= 0 | lag of the reheater
     Dt   | pu | 0.0  | -            | >= 0 | damping of the turbine
@@ -77,5 +77,6 @@ TGOV1 = Part(
     rules=("VMIN < VMAX", "T2 needs T3"),
     formula="Pm = (1 + s T2) / (1 + s T3) · [(Pref − Δω) / R / (1 + s T1)] within VMIN, VMAX − Dt Δω",
     source="PSS/E model library, TGOV1",
+    gate="g",
     checked="Dynawo (unit of case 1)",
 )

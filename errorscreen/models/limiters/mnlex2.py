@@ -32,7 +32,7 @@ FIELDS = record(
     TF2    | s  | 1    | -          | >= 0 | time constant of the rate feedback
     KM     | pu | 0.3  | 0.1 .. 10  | > 0  | gain
     TM     | s  | 0.5  | 0.05 .. 2  | >= 0 | time constant
-    MELMAX | pu | 0.1  | -          | >= 0 | upper limit of the signal
+    MELMAX | pu | 0.1  | limit      | >= 0 | upper limit of the signal
     Q0     | pu | 1.3  | -          | any  | reactive power of the centre of the circle at V = 1
     Radius | pu | 1.92 | 0.8 .. 4   | > 0  | radius of the circle at V = 1
     """

@@ -56,19 +56,19 @@ FIELDS = record(
     dbd1      | pu   | -0.05 | -                    | <= 0 | lower edge of the dead band of voltage
     dbd2      | pu   | 0.05  | -                    | >= 0 | upper edge of the dead band of voltage
     Kqv       | pu   | 5     | 1 .. 10 unless 0     | >= 0 | reactive current per voltage beyond the dead band
-    Vref0     | pu   | 0     | -                    | >= 0 | reference of the voltage; 0: that of the start
+    Vref0     | pu   | 0     | - unless 0           | >= 0 | reference of the voltage; 0: that of the start
     Tp        | s    | 0.02  | -                    | >= 0 | filter of the power
     Tiq       | s    | 0.02  | 0.01 .. 0.2 unless 0 | >= 0 | lag of the reactive current
     Ddn       | pu   | 20    | 5 .. 50 unless 0     | >= 0 | power per frequency above the nominal one
     Dup       | pu   | 0     | 5 .. 50 unless 0     | >= 0 | power per frequency below the nominal one
     fdbd1     | pu   | -6e-4 | -                    | <= 0 | lower edge of the dead band of frequency
     fdbd2     | pu   | 6e-4  | -                    | >= 0 | upper edge of the dead band of frequency
-    femax     | pu   | 99    | -                    | >= 0 | upper limit of the error of power
-    femin     | pu   | -99   | -                    | <= 0 | lower limit of the error of power
-    Pmax      | pu   | 1.1   | -                    | any  | upper limit of power
-    Pmin      | pu   | 0     | -                    | any  | lower limit of power
-    dPmax     | pu/s | 99    | -                    | > 0  | upper rate of power
-    dPmin     | pu/s | -99   | -                    | any  | lower rate of power
+    femax     | pu   | 99    | limit                | >= 0 | upper limit of the error of power
+    femin     | pu   | -99   | limit                | <= 0 | lower limit of the error of power
+    Pmax      | pu   | 1.1   | limit                | any  | upper limit of power
+    Pmin      | pu   | 0     | limit                | any  | lower limit of power
+    dPmax     | pu/s | 99    | limit                | > 0  | upper rate of power
+    dPmin     | pu/s | -99   | limit                | any  | lower rate of power
     Tpord     | s    | 0.02  | 0.01 .. 5 unless 0   | >= 0 | lag of the power order
     Kpg       | pu   | 0.1   | -                    | >= 0 | control of power, proportional
     Kig       | pu/s | 10    | -                    | >= 0 | control of power, integral
@@ -90,8 +90,8 @@ FIELDS = record(
     rrpwr     | pu/s | 2     | 0.1 .. 20            | > 0  | rate at which active current returns
     Tv        | s    | 0.02  | -                    | >= 0 | lag of the trip
     Vpr       | pu   | 0.8   | -                    | any  | voltage below which the frequency does not trip
-    Iqh       | pu   | 1     | -                    | any  | upper limit of the current by voltage
-    Iql       | pu   | -1    | -                    | any  | lower limit of the current by voltage
+    Iqh       | pu   | 1     | limit                | any  | upper limit of the current by voltage
+    Iql       | pu   | -1    | limit                | any  | lower limit of the current by voltage
     """
 )
 _V_MIN = 0.01

@@ -40,7 +40,7 @@ from numba.extending import register_jitable
 from errorscreen.engine.stages import stage
 from errorscreen.engine.vmath import clip, hold_at_limits, select
 from errorscreen.models.blocks import lag, limited_pi, longer
-from errorscreen.models.part import Limit, Part, Start, Values, holding, record
+from errorscreen.models.part import Conflict, Limit, Part, Start, Values, holding, record
 
 _FLAGS = """\
     REMBUS | bus  | 0 | - | any  | remote bus; the own terminal is used
@@ -59,9 +59,9 @@ _DIP = """\
     dbd1   | pu   | -0.05 | -            | <= 0 | lower edge of the dead band
     dbd2   | pu   | 0.05  | -            | >= 0 | upper edge of the dead band
     Kqv    | pu   | 2     | 0.5 .. 10 unless 0 | >= 0 | reactive current per voltage beyond the dead band
-    Iqh1   | pu   | 1.1   | -            | any  | upper limit of that current
-    Iql1   | pu   | -1.1  | -            | any  | lower limit of that current
-    Vref0  | pu   | 0     | -            | >= 0 | reference of the voltage; 0: that of the start
+    Iqh1   | pu   | 1.1   | limit        | any  | upper limit of that current
+    Iql1   | pu   | -1.1  | limit        | any  | lower limit of that current
+    Vref0  | pu   | 0     | - unless 0   | >= 0 | reference of the voltage; 0: that of the start
 """
 _HOLD = """\
     Iqfrz  | pu   | 0     | -            | any  | reactive current that is held behind a dip
@@ -70,10 +70,10 @@ _HOLD = """\
 """
 _CONTROL = """\
     Tp     | s    | 0.05  | -            | >= 0 | filter of the power
-    Qmax   | pu   | 0.44  | -            | any  | upper limit of reactive power
-    Qmin   | pu   | -0.44 | -            | any  | lower limit of reactive power
-    Vmax   | pu   | 1.1   | -            | any  | upper limit of the voltage reference
-    Vmin   | pu   | 0.9   | -            | any  | lower limit of the voltage reference
+    Qmax   | pu   | 0.44  | limit        | any  | upper limit of reactive power
+    Qmin   | pu   | -0.44 | limit        | any  | lower limit of reactive power
+    Vmax   | pu   | 1.1   | limit        | any  | upper limit of the voltage reference
+    Vmin   | pu   | 0.9   | limit        | any  | lower limit of the voltage reference
     Kqp    | pu   | 0     | 0.01 .. 5 unless 0 | >= 0 | control of reactive power, proportional
     Kqi    | pu/s | 0.1   | 0.01 .. 10 unless 0 | >= 0 | control of reactive power, integral
     Kvp    | pu   | 1     | 0.1 .. 20 unless 0 | >= 0 | control of voltage, proportional
@@ -84,10 +84,10 @@ _BIAS = """\
 """
 _ORDER = """\
     Tiq    | s    | 0.02  | 0.01 .. 0.2 unless 0 | >= 0 | lag of the reactive current
-    dPmax  | pu/s | 99    | -            | > 0  | upper rate of power
-    dPmin  | pu/s | -99   | -            | any  | lower rate of power
-    Pmax   | pu   | 1     | -            | any  | upper limit of power
-    Pmin   | pu   | 0     | -            | any  | lower limit of power
+    dPmax  | pu/s | 99    | limit        | > 0  | upper rate of power
+    dPmin  | pu/s | -99   | limit        | any  | lower rate of power
+    Pmax   | pu   | 1     | limit        | any  | upper limit of power
+    Pmin   | pu   | 0     | limit        | any  | lower limit of power
     Imax   | pu   | 1.1   | 1 .. 1.5     | > 0  | limit of the current
     Tpord  | s    | 0.02  | 0.01 .. 1 unless 0 | >= 0 | lag of the power order
 """
@@ -260,6 +260,7 @@ def starting(
     setpoints = {
         "Vref": Vref, "tangent": tangent, "lowQ": lowQ, "highQ": highQ, "lowV": lowV, "highV": highV, "lowP": lowP,
         "highP": highP, "highI": np.maximum(current * (1 + 1e-9), v["Imax"]), "Pref0": Pord, "Qext0": Qref,
+        "by_voltage": np.where(inner & ~outer & (v["PFFLAG"] == 0), 1.0, 0.0) + 0.0 * V,
     }  # fmt: skip
     limits = (
         Limit("power", Pord, v["Pmin"], v["Pmax"], ("Pmin", "Pmax")),
@@ -268,6 +269,16 @@ def starting(
         Limit("voltage", np.where(inner, controlled, v["Vmin"]), v["Vmin"], v["Vmax"], ("Vmin", "Vmax")),
     )
     return states, setpoints, limits
+
+
+def in_dip(v: Values) -> Conflict:
+    """Start in a dip, whose control would be held from the beginning."""
+    return Conflict(
+        (v["Vdip"] > v["V"]) | (v["Vup"] < v["V"]),
+        "V before the event is {V:.4g} pu, outside of Vdip = {Vdip:.4g} to Vup = {Vup:.4g}: the unit would start in a "
+        "dip, with its control held. Check Vdip and Vup, and the base of V",
+        {name: v[name] for name in ("V", "Vdip", "Vup")},
+    )
 
 
 def _points(v: Values, axis: str) -> Any:
@@ -286,21 +297,22 @@ def start_a(v: Values) -> Start:
         Limit("reactive current", Iq, 0.0, table_q, ("", "Iq")),
         Limit("active current", Ip, -NONE, table_p, ("", "Ip")),
     )
-    return Start(states, {**setpoints, **more, "by_speed": v["PFLAG"]}, limits)
+    return Start(states, {**setpoints, **more, "by_speed": v["PFLAG"]}, limits, (in_dip(v),))
 
 
 def start_b(v: Values) -> Start:
     """Equilibrium of REECB1, whose reference of voltage has no bias, and whose order of power no speed."""
     states, setpoints, limits = starting(v, v["V"], 0.0, always=True)
     none = np.zeros_like(v["V"])
-    return Start(states, {**setpoints, "Vref1": none, "PFLAG": none, "by_speed": none}, limits)
+    return Start(states, {**setpoints, "Vref1": none, "PFLAG": none, "by_speed": none}, limits, (in_dip(v),))
 
 
 STATES = ("Vf", "Pf", "xq", "xv", "xi", "Pord")
 SETPOINTS = (
     "Vref", "tangent", "lowQ", "highQ", "lowV", "highV", "lowP", "highP", "highI", "Pref0", "Qext0", "by_speed",
+    "by_voltage",
 )  # fmt: skip
-PORTS = ("Ipcmd", "Iqcmd", "Pref0", "Qext0", "Pord", "dip", "by_speed")
+PORTS = ("Ipcmd", "Iqcmd", "Pref0", "Qext0", "Pord", "dip", "by_speed", "by_voltage")
 RULES = ("Vdip < Vup", "Qmin <= Qmax", "Vmin <= Vmax", "Pmin <= Pmax", "Iql1 <= Iqh1", "dPmin < dPmax")
 
 REECA1 = Part(

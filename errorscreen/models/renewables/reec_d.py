@@ -38,6 +38,7 @@ from errorscreen.models.renewables.reec import (
     RULES,
     SETPOINTS,
     STATES,
+    in_dip,
     measurement,
     next_point,
     power_order,
@@ -204,7 +205,7 @@ def start(v: Values) -> Start:
             ("Vblkl", "Vblkh"),
         ),
     )  # fmt: skip
-    return Start(states, setpoints, limits)
+    return Start(states, setpoints, limits, (in_dip(v),))
 
 
 REECD1 = Part(

@@ -37,15 +37,15 @@ FIELDS = record(
     Rrpwr  | pu/s | 10   | 0.5 .. 20     | > 0  | rate at which active current returns
     Brkpt  | pu   | 0.9  | -             | any  | voltage below which active current is limited
     Zerox  | pu   | 0.4  | -             | any  | voltage at which that limit is zero
-    Lvpl1  | pu   | 1.22 | -             | any  | that limit at Brkpt
+    Lvpl1  | pu   | 1.22 | limit         | any  | that limit at Brkpt
     Volim  | pu   | 1.2  | -             | any  | voltage above which reactive current is reduced
     Lvpnt1 | pu   | 0.8  | -             | any  | voltage below which active current fades
     Lvpnt0 | pu   | 0.4  | -             | any  | voltage at which it has faded
-    Iolim  | pu   | -1.3 | -             | any  | lower limit of the reactive current
+    Iolim  | pu   | -1.3 | limit         | any  | lower limit of the reactive current
     Tfltr  | s    | 0.02 | -             | >= 0 | filter of the voltage
     Khv    | pu   | 0.7  | -             | >= 0 | gain above Volim
-    Iqrmax | pu/s | 999  | -             | any  | upper rate of reactive current
-    Iqrmin | pu/s | -999 | -             | any  | lower rate of reactive current
+    Iqrmax | pu/s | 999  | limit         | any  | upper rate of reactive current
+    Iqrmin | pu/s | -999 | limit         | any  | lower rate of reactive current
     Accel  | -    | 0.7  | -             | any  | acceleration of the network's solution; not used
     """
 )

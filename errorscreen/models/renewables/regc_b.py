@@ -34,8 +34,8 @@ FIELDS = record(
     PQFlag   | code | 1    | -           | 0, 1 | first: 1 active, 0 reactive current
     Tg       | s    | 0.02 | 0.01 .. 0.1 | >= 0 | lag of the converter
     Tfltr    | s    | 0.02 | -           | >= 0 | filter of the voltage
-    Iqrmax   | pu/s | 999  | -           | any  | upper rate of reactive current
-    Iqrmin   | pu/s | -999 | -           | any  | lower rate of reactive current
+    Iqrmax   | pu/s | 999  | limit       | any  | upper rate of reactive current
+    Iqrmin   | pu/s | -999 | limit       | any  | lower rate of reactive current
     Rrpwr    | pu/s | 10   | 0.5 .. 20   | > 0  | rate at which active current or power returns
     Te       | s    | 0.02 | -           | >= 0 | lag of the voltage source
     Imax     | pu   | 1.2  | 1 .. 1.5    | > 0  | limit of the current

@@ -52,12 +52,12 @@ FIELDS = record(
     TQf    | s    | 0.02 | 0.005 .. 0.1 unless 0 | >= 0 | filter of the reactive power
     TVf    | s    | 0.02 | -                   | >= 0 | filter of the voltage
     Imax   | pu   | 2    | 1 .. 3              | > 0  | limit of the current
-    Emax   | pu   | 1.15 | -                   | any  | upper limit of the internal voltage
-    Emin   | pu   | 0    | -                   | any  | lower limit of the internal voltage
-    Pmax   | pu   | 1    | -                   | any  | upper limit of the active power
-    Pmin   | pu   | 0    | -                   | any  | lower limit of the active power
-    Qmax   | pu   | 0.44 | -                   | any  | upper limit of the reactive power
-    Qmin   | pu   | -0.44 | -                  | any  | lower limit of the reactive power
+    Emax   | pu   | 1.15 | limit               | any  | upper limit of the internal voltage
+    Emin   | pu   | 0    | limit               | any  | lower limit of the internal voltage
+    Pmax   | pu   | 1    | limit               | any  | upper limit of the active power
+    Pmin   | pu   | 0    | limit               | any  | lower limit of the active power
+    Qmax   | pu   | 0.44 | limit               | any  | upper limit of the reactive power
+    Qmin   | pu   | -0.44 | limit              | any  | lower limit of the reactive power
     mp     | pu   | 0.01 | 0.005 .. 0.05       | >= 0 | droop of the frequency
     mq     | pu   | 0.05 | 0.01 .. 0.2         | >= 0 | droop of the voltage
     kppmax | pu   | 0.01 | -                   | >= 0 | limit of active power, proportional

@@ -29,7 +29,7 @@ from errorscreen.engine.stages import stage
 from errorscreen.engine.vmath import clip, select
 from errorscreen.models.blocks import lag, lead_lag, limited_pi
 from errorscreen.models.measured_voltage import measured_voltage
-from errorscreen.models.part import Limit, Part, Start, Values, holding, record
+from errorscreen.models.part import Conflict, Limit, Part, Start, Values, holding, record
 from errorscreen.models.renewables.reec import dead_band_between
 
 FIELDS = record(
@@ -50,21 +50,21 @@ FIELDS = record(
     Rc      | pu   | 0     | -    | any  | resistance of the drop
     Xc      | pu   | 0     | -    | any  | reactance of the drop
     Kc      | pu   | 0     | 0.01 .. 0.2 unless 0 | any  | droop, voltage per reactive power
-    emax    | pu   | 0.1   | -    | >= 0 | upper limit of the error
-    emin    | pu   | -0.1  | -    | <= 0 | lower limit of the error
+    emax    | pu   | 0.1   | limit | >= 0 | upper limit of the error
+    emin    | pu   | -0.1  | limit | <= 0 | lower limit of the error
     dbd1    | pu   | -0.01 | -    | <= 0 | lower edge of the dead band
     dbd2    | pu   | 0.01  | -    | >= 0 | upper edge of the dead band
-    Qmax    | pu   | 0.44  | -    | any  | upper limit of the reactive output
-    Qmin    | pu   | -0.44 | -    | any  | lower limit of the reactive output
+    Qmax    | pu   | 0.44  | limit | any  | upper limit of the reactive output
+    Qmin    | pu   | -0.44 | limit | any  | lower limit of the reactive output
     Kpg     | pu   | 1     | 0.05 .. 5 unless 0   | >= 0 | control of power, proportional
     Kig     | pu/s | 0.5   | 0.05 .. 5 unless 0   | >= 0 | control of power, integral
     Tp      | s    | 0.25  | -    | >= 0 | filter of the power
     fdbd1   | pu   | -6e-4 | -    | <= 0 | lower edge of the dead band of frequency
     fdbd2   | pu   | 6e-4  | -    | >= 0 | upper edge of the dead band of frequency
-    femax   | pu   | 99    | -    | >= 0 | upper limit of the error of power
-    femin   | pu   | -99   | -    | <= 0 | lower limit of the error of power
-    Pmax    | pu   | 1     | -    | any  | upper limit of the reference of power
-    Pmin    | pu   | 0     | -    | any  | lower limit of the reference of power
+    femax   | pu   | 99    | limit | >= 0 | upper limit of the error of power
+    femin   | pu   | -99   | limit | <= 0 | lower limit of the error of power
+    Pmax    | pu   | 1     | limit | any  | upper limit of the reference of power
+    Pmin    | pu   | 0     | limit | any  | lower limit of the reference of power
     Tg      | s    | 0.1   | 0.02 .. 1 unless 0   | >= 0 | lag of the reference of power
     Ddn     | pu   | 20    | 5 .. 50 unless 0     | >= 0 | power per frequency above the nominal one
     Dup     | pu   | 0     | 5 .. 50 unless 0     | >= 0 | power per frequency below the nominal one
@@ -132,6 +132,14 @@ def start(v: Values) -> Start:
         (
             Limit("reactive order", Q, v["Qmin"], v["Qmax"], ("Qmin", "Qmax")),
             Limit("power", np.where(v["Fflag"] == 1, P, v["Pmin"]), v["Pmin"], v["Pmax"], ("Pmin", "Pmax")),
+        ),
+        (
+            Conflict(
+                (v["RefFlag"] == 0) & (v["by_voltage"] == 1),
+                "RefFlag = 0 orders reactive power, which the electrical control takes as a voltage with QFLAG = 1 and "
+                "VFLAG = 0. Fitting sets are RefFlag = 1, or VFLAG = 1, or QFLAG = 0",
+                {},
+            ),
         ),
     )
 

@@ -34,8 +34,9 @@ without torque control. :math:`P_{ref}` comes from the control of the plant and 
 The integral of (2) holds during a dip of the electrical control. At the start the pitch is Theta0 and all of it stands
 in :math:`\theta_w`.
 
-TRATE is not used: powers are in per unit of the machine's base, as with TRATE = 0. A record with another rating is the
-same as one with p1 to p4, Temax, Temin, Kpp and Kip times TRATE over the machine's base if Tflag = 0.
+Powers of the torque control are in per unit of the turbine's rating TRATE in MW, or of the machine's base where that is
+0 (`errorscreen.models.rating`): with :math:`\rho` for TRATE over the machine's base, :math:`P/\rho` and
+:math:`P_{ref}/\rho` stand for P and :math:`P_{ref}` in (1) and (2), and :math:`\rho P_{set}` is the order.
 
 (WECC, *Second Generation of Wind Turbine Models*, 2014; WECC, *Wind Plant Dynamic Modeling Guidelines*; PSS/E model
 library, WTTQA1, WTPTA1, WTARA1 and WTDTA1.)
@@ -51,6 +52,7 @@ from errorscreen.engine.stages import stage
 from errorscreen.engine.vmath import clip, hold_at_limits, select
 from errorscreen.models.blocks import lag, limited_pi, longer
 from errorscreen.models.part import Limit, Part, Start, Values, holding, record
+from errorscreen.models.rating import rating
 from errorscreen.models.renewables.reec import four_points
 
 _TWO_PI = 6.283185307179586
@@ -60,16 +62,16 @@ _SLOWEST = 0.01
 
 @stage("Pset", "wref", "integral", "d_Pf", "d_xw")
 def torque_control(
-    Pref: Any, P: Any, wg: Any, Pf: Any, xw: Any, xT: Any, lowT: Any, highT: Any, Tflag: Any, Kpp: Any, Kip: Any,
-    Tp: Any, Twref: Any, p1: Any, spd1: Any, p2: Any, spd2: Any, p3: Any, spd3: Any, p4: Any, spd4: Any,
+    Pref: Any, P: Any, wg: Any, Pf: Any, xw: Any, xT: Any, lowT: Any, highT: Any, rated: Any, Tflag: Any, Kpp: Any,
+    Kip: Any, Tp: Any, Twref: Any, p1: Any, spd1: Any, p2: Any, spd2: Any, p3: Any, spd3: Any, p4: Any, spd4: Any,
     shortest: Any,
 ) -> Any:  # fmt: skip
     """Order of power for the electrical control, and reference of speed, (1), (2)."""
-    Pm, d_Pf = lag(Pf, P, Tp, shortest)
+    Pm, d_Pf = lag(Pf, P / rated, Tp, shortest)
     wref, d_xw = lag(xw, four_points(Pm, p1, spd1, p2, spd2, p3, spd3, p4, spd4), Twref, shortest)
-    error = select(Tflag == 1.0, (Pref - Pm) / clip(wg, _SLOWEST, 10.0), wg - wref)
+    error = select(Tflag == 1.0, (Pref / rated - Pm) / clip(wg, _SLOWEST, 10.0), wg - wref)
     torque, integral = limited_pi(xT, error, Kpp, Kip, lowT, highT)
-    return torque * wg, wref, integral, d_Pf, d_xw
+    return rated * (torque * wg), wref, integral, d_Pf, d_xw
 
 
 @stage("d_xT")
@@ -80,13 +82,14 @@ def torque_integral(integral: Any, dip: Any) -> Any:
 
 def start_torque(v: Values) -> Start:
     """Equilibrium at the power of the start: its speed, and the torque that the electrical control needs."""
-    P = v["P"] + 0.0 * v["p1"]
+    rated = rating(v)
+    P = v["P"] / rated + 0.0 * v["p1"]
     w = four_points(P, *(v[f"{quantity}{k}"] for k in range(1, 5) for quantity in ("p", "spd")))
-    torque = v["Pref0"] / (w * np.where(v["by_speed"] == 1, w, 1.0))
+    torque = v["Pref0"] / rated / (w * np.where(v["by_speed"] == 1, w, 1.0))
     lowT, highT = holding(torque, v["Temin"], v["Temax"])
     return Start(
         {"Pf": P, "xw": w, "xT": torque},
-        {"wg0": w, "lowT": lowT, "highT": highT},
+        {"wg0": w, "lowT": lowT, "highT": highT, "rated": rated + 0.0 * P},
         (Limit("torque", torque, v["Temin"], v["Temax"], ("Temin", "Temax")),),
     )
 
@@ -102,8 +105,8 @@ WTTQA1 = Part(
         Kip   | pu/s | 0.6  | 0.1 .. 5 unless 0   | >= 0 | torque control, integral
         Tp    | s    | 0.05 | 0.01 .. 0.5 unless 0 | >= 0 | filter of the power
         Twref | s    | 30   | 5 .. 60 unless 0    | >= 0 | lag of the reference of speed
-        Temax | pu   | 1.2  | -          | any  | upper limit of the torque
-        Temin | pu   | 0    | -          | any  | lower limit of the torque
+        Temax | pu   | 1.2  | limit      | any  | upper limit of the torque
+        Temin | pu   | 0    | limit      | any  | lower limit of the torque
         p1    | pu   | 0.2  | -          | any  | power of point 1
         spd1  | pu   | 0.69 | -          | > 0  | speed of point 1
         p2    | pu   | 0.4  | -          | any  | power of point 2
@@ -112,14 +115,14 @@ WTTQA1 = Part(
         spd3  | pu   | 0.98 | -          | > 0  | speed of point 3
         p4    | pu   | 0.74 | -          | any  | power of point 4
         spd4  | pu   | 1.2  | -          | > 0  | speed of point 4
-        TRATE | MW   | 0    | -          | >= 0 | rating of the turbine; not used
+        TRATE | MW   | 0    | - unless 0 | >= 0 | rating of the turbine, base of its powers; 0: the machine's base
         """
     ),
     stages=(torque_control,),
     closing=(torque_integral,),
     ports=("Pset", "wref", "wg0"),
     states=("Pf", "xw", "xT"),
-    setpoints=("wg0", "lowT", "highT"),
+    setpoints=("wg0", "lowT", "highT", "rated"),
     start=start_torque,
     rules=("Temin < Temax", "p1 <= p2 <= p3 <= p4"),
     formula="(1), (2)",
@@ -172,10 +175,10 @@ WTPTA1 = Part(
         Kpc       | deg   | 3   | 0.5 .. 20 unless 0 | >= 0 | control of power, proportional, per pu
         Kcc       | pu    | 0   | -                  | any  | power in the control of speed
         Tp        | s     | 0.3 | 0.05 .. 1 unless 0 | >= 0 | lag of the blades
-        Thetamax  | deg   | 27  | -                  | any  | upper limit of the angle
-        Thetamin  | deg   | 0   | -                  | any  | lower limit of the angle
-        RThetamax | deg/s | 10  | -                  | > 0  | upper rate of the angle
-        RThetamin | deg/s | -10 | -                  | any  | lower rate of the angle
+        Thetamax  | deg   | 27  | limit              | any  | upper limit of the angle
+        Thetamin  | deg   | 0   | limit              | any  | lower limit of the angle
+        RThetamax | deg/s | 10  | limit              | > 0  | upper rate of the angle
+        RThetamin | deg/s | -10 | limit              | any  | lower rate of the angle
         """
     ),
     stages=(pitch_angle,),
@@ -264,7 +267,7 @@ WTDTA1 = Part(
         """
         H      | s  | 4.94  | 2 .. 8             | > 0  | inertia of turbine and generator
         DAMP   | pu | 0     | -                  | >= 0 | torque of the generator per deviation of its speed
-        Htfrac | pu | 0.875 | -                  | 0 .. 1 | share of the turbine in the inertia; 0: one mass
+        Htfrac | pu | 0.875 | - unless 0         | 0 .. 1 | share of the turbine in the inertia; 0: one mass
         Freq1  | Hz | 1.8   | 0.5 .. 4 unless 0  | >= 0 | first mode of the shaft
         Dshaft | pu | 1.5   | 0.3 .. 5 unless 0  | >= 0 | damping of the shaft
         """

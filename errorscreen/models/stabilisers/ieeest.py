@@ -42,13 +42,13 @@ FIELDS = record(
     T2    | s    | 0.02 | 0.01 .. 0.5 unless 0 | >= 0    | lag of the first lead-lag
     T3    | s    | 0.2  | 0.02 .. 1 unless 0 | >= 0    | lead of the second lead-lag
     T4    | s    | 0.02 | 0.01 .. 0.5 unless 0 | >= 0    | lag of the second lead-lag
-    T5    | s    | 10   | -           | >= 0    | numerator of the washout; 0: one
+    T5    | s    | 10   | - unless 0  | >= 0    | numerator of the washout; 0: one
     T6    | s    | 10   | -           | >= 0    | denominator of the washout
     KS    | pu   | 10   | -50 .. 50   | any     | gain
-    LSMAX | pu   | 0.1  | -           | >= 0    | upper limit of the output
-    LSMIN | pu   | -0.1 | -           | <= 0    | lower limit of the output
-    VCU   | pu   | 0    | -           | >= 0    | voltage above which the output is zero; 0: none
-    VCL   | pu   | 0    | -           | >= 0    | voltage below which the output is zero; 0: none
+    LSMAX | pu   | 0.1  | limit       | >= 0    | upper limit of the output
+    LSMIN | pu   | -0.1 | limit       | <= 0    | lower limit of the output
+    VCU   | pu   | 0    | - unless 0  | >= 0    | voltage above which the output is zero; 0: none
+    VCL   | pu   | 0    | - unless 0  | >= 0    | voltage below which the output is zero; 0: none
     """
 )
 
@@ -70,12 +70,12 @@ def quadratic_lag(x: Any, dx: Any, u: Any, A1: Any, A2: Any, shortest: Any) -> A
 
 @stage("u", "filter_out", "d_xr", "d_xi", "d_w", "d_dw", "d_v", "d_dv")
 def filter_stage(
-    Vr: Any, Vi: Any, V: Any, omega: Any, P: Any, Pm0: Any, xr: Any, xi: Any, w: Any, dw: Any, v: Any, dv: Any, IC: Any,
+    Vr: Any, Vi: Any, V: Any, omega: Any, P: Any, Pm: Any, xr: Any, xi: Any, w: Any, dw: Any, v: Any, dv: Any, IC: Any,
     A1: Any, A2: Any, A3: Any, A4: Any, A5: Any, A6: Any, f0: Any, shortest: Any,
 ) -> Any:  # fmt: skip
     """Input and its filter, (1)."""
     df, dV, d_xr, d_xi = measured_voltage(xr, xi, Vr, Vi, f0, shortest)
-    u = chosen(IC, omega, df, P, Pm0, V, dV)
+    u = chosen(IC, omega, df, P, Pm, V, dV)
     W, dW, ddW, d_w, d_dw = quadratic_lag(w, dw, u, A1, A2, shortest)
     Y, dY, ddY, d_v, d_dv = quadratic_lag(v, dv, W, A3, A4, shortest)
     second = shortest * longer(A3, shortest) < A4

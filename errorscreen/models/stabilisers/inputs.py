@@ -7,7 +7,7 @@ code   signal
 1      deviation of the speed, :math:`\omega - 1`
 2      deviation of the frequency at the terminal
 3      electrical power in pu of the machine
-4      accelerating power, :math:`P_{m0} - P`, with the mechanical power of the start
+4      accelerating power, :math:`P_m - P`, in pu of the machine
 5      magnitude of the terminal voltage
 6      derivative of the magnitude
 =====  ==================================================================================
@@ -30,7 +30,7 @@ CODES = "0, 1, 2, 3, 4, 5, 6"
 
 
 @register_jitable
-def chosen(code: Any, omega: Any, df: Any, P: Any, Pm0: Any, V: Any, dV: Any) -> Any:
+def chosen(code: Any, omega: Any, df: Any, P: Any, Pm: Any, V: Any, dV: Any) -> Any:
     """Signal of a code.
 
     Examples
@@ -38,7 +38,7 @@ def chosen(code: Any, omega: Any, df: Any, P: Any, Pm0: Any, V: Any, dV: Any) ->
     >>> [round(float(chosen(code, 1.01, 0.02, 0.8, 0.9, 1.0, 0.3)), 12) for code in range(7)]
     [0.0, 0.01, 0.02, 0.8, 0.1, 1.0, 0.3]
     """
-    late = select(code == 4.0, Pm0 - P, select(code == 5.0, V, select(code == 6.0, dV, 0.0 * V)))
+    late = select(code == 4.0, Pm - P, select(code == 5.0, V, select(code == 6.0, dV, 0.0 * V)))
     return select(code == 1.0, omega - 1.0, select(code == 2.0, df, select(code == 3.0, P, late)))
 
 

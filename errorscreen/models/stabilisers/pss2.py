@@ -40,7 +40,7 @@ _HEAD = f"""\
     TW2 | s    | 10   | 1 .. 20 unless 0     | >= 0 | second washout of the first input; 0: none
     T6  | s    | 0    | -                    | >= 0 | lag of the first input
     TW3 | s    | 10   | 1 .. 20 unless 0     | >= 0 | first washout of the second input; 0: none
-    TW4 | s    | 0    | -                    | >= 0 | second washout of the second input; 0: none
+    TW4 | s    | 0    | - unless 0           | >= 0 | second washout of the second input; 0: none
     T7  | s    | 10   | 1 .. 20 unless 0     | >= 0 | lag of the second input
     KS2 | pu   | 1    | 0.05 .. 2            | any  | gain of the second input
     KS3 | pu   | 1    | -                    | any  | share of the second input before the ramp-tracking filter
@@ -55,14 +55,14 @@ _HEAD = f"""\
 _THIRD = """\
     T10    | s  | 0  | - | >= 0 | lead of the third lead-lag
     T11    | s  | 0  | - | >= 0 | lag of the third lead-lag
-    VS1MAX | pu | 2  | - | any  | upper limit of the first input
-    VS1MIN | pu | -2 | - | any  | lower limit of the first input
-    VS2MAX | pu | 2  | - | any  | upper limit of the second input
-    VS2MIN | pu | -2 | - | any  | lower limit of the second input
+    VS1MAX | pu | 2  | limit | any  | upper limit of the first input
+    VS1MIN | pu | -2 | limit | any  | lower limit of the first input
+    VS2MAX | pu | 2  | limit | any  | upper limit of the second input
+    VS2MIN | pu | -2 | limit | any  | lower limit of the second input
 """
 _TAIL = """\
-    VSTMAX | pu | 0.1  | - | >= 0 | upper limit of the output
-    VSTMIN | pu | -0.1 | - | <= 0 | lower limit of the output
+    VSTMAX | pu | 0.1  | limit | >= 0 | upper limit of the output
+    VSTMIN | pu | -0.1 | limit | <= 0 | lower limit of the output
 """
 #: states of the ramp-tracking filter
 _LAGS = tuple(f"r{k}" for k in range(1, 9))
@@ -70,12 +70,12 @@ _LAGS = tuple(f"r{k}" for k in range(1, 9))
 
 @stage("u1", "u2", "d_xr", "d_xi")
 def inputs(
-    Vr: Any, Vi: Any, V: Any, omega: Any, P: Any, Pm0: Any, xr: Any, xi: Any, IC1: Any, IC2: Any, f0: Any,
+    Vr: Any, Vi: Any, V: Any, omega: Any, P: Any, Pm: Any, xr: Any, xi: Any, IC1: Any, IC2: Any, f0: Any,
     shortest: Any,
 ) -> Any:  # fmt: skip
     """Both inputs."""
     df, dV, d_xr, d_xi = measured_voltage(xr, xi, Vr, Vi, f0, shortest)
-    return chosen(IC1, omega, df, P, Pm0, V, dV), chosen(IC2, omega, df, P, Pm0, V, dV), d_xr, d_xi
+    return chosen(IC1, omega, df, P, Pm, V, dV), chosen(IC2, omega, df, P, Pm, V, dV), d_xr, d_xi
 
 
 @stage("u1", "u2")

@@ -35,7 +35,7 @@ FIELDS = record(
     K2    | pu   | 0    | 1 .. 50 unless 0    | any  | gain of the second input
     T1    | s    | 0.01 | -                   | >= 0 | lag of the first input
     T2    | s    | 0.01 | -                   | >= 0 | lag of the second input
-    T3    | s    | 10   | -                   | >= 0 | numerator of the washout; 0: one
+    T3    | s    | 10   | - unless 0          | >= 0 | numerator of the washout; 0: one
     T4    | s    | 10   | -                   | >= 0 | denominator of the washout
     T5    | s    | 0.2  | 0.02 .. 1 unless 0  | >= 0 | lead of the first lead-lag
     T6    | s    | 0.02 | -                   | >= 0 | lag of the first lead-lag
@@ -43,23 +43,23 @@ FIELDS = record(
     T8    | s    | 0.02 | -                   | >= 0 | lag of the second lead-lag
     T9    | s    | 0    | 0.02 .. 1 unless 0  | >= 0 | lead of the third lead-lag
     T10   | s    | 0    | -                   | >= 0 | lag of the third lead-lag
-    LSMAX | pu   | 0.1  | -                   | >= 0 | upper limit of the output
-    LSMIN | pu   | -0.1 | -                   | <= 0 | lower limit of the output
-    VCU   | pu   | 0    | -                   | >= 0 | rise of the voltage above which the output is zero; 0: none
-    VCL   | pu   | 0    | -                   | <= 0 | fall of the voltage below which the output is zero; 0: none
+    LSMAX | pu   | 0.1  | limit               | >= 0 | upper limit of the output
+    LSMIN | pu   | -0.1 | limit               | <= 0 | lower limit of the output
+    VCU   | pu   | 0    | - unless 0          | >= 0 | rise of the voltage above which the output is zero; 0: none
+    VCL   | pu   | 0    | - unless 0          | <= 0 | fall of the voltage below which the output is zero; 0: none
     """
 )
 
 
 @stage("y", "d_xr", "d_xi", "d_x1", "d_x2", "d_x3")
 def transducers(
-    Vr: Any, Vi: Any, V: Any, omega: Any, P: Any, Pm0: Any, xr: Any, xi: Any, x1: Any, x2: Any, x3: Any, IC1: Any,
+    Vr: Any, Vi: Any, V: Any, omega: Any, P: Any, Pm: Any, xr: Any, xi: Any, x1: Any, x2: Any, x3: Any, IC1: Any,
     IC2: Any, K1: Any, K2: Any, T1: Any, T2: Any, T3: Any, T4: Any, f0: Any, shortest: Any,
 ) -> Any:  # fmt: skip
     """Sum of the inputs and washout, (1)."""
     df, dV, d_xr, d_xi = measured_voltage(xr, xi, Vr, Vi, f0, shortest)
-    first, d_x1 = lag(x1, K1 * chosen(IC1, omega, df, P, Pm0, V, dV), T1, shortest)
-    second, d_x2 = lag(x2, K2 * chosen(IC2, omega, df, P, Pm0, V, dV), T2, shortest)
+    first, d_x1 = lag(x1, K1 * chosen(IC1, omega, df, P, Pm, V, dV), T1, shortest)
+    second, d_x2 = lag(x2, K2 * chosen(IC2, omega, df, P, Pm, V, dV), T2, shortest)
     passed, d_x3 = lag(x3, first + second, T4, shortest)
     return select(T3 == 0.0, passed, T3 * d_x3), d_xr, d_xi, d_x1, d_x2, d_x3
 

@@ -27,7 +27,7 @@ FIELDS = record(
     T3            | s   | 0.03 | 0.01 .. 0.2 | >= 0 | lag of the first lead-lag
     T2_T4 = T2/T4 | -   | 5    | 1 .. 15     | >= 0 | lead over lag of the second lead-lag
     T4            | s   | 0.03 | 0.01 .. 0.2 | >= 0 | lag of the second lead-lag
-    HLIM          | pu  | 0.1  | -           | >= 0 | limit of the output
+    HLIM          | pu  | 0.1  | limit       | >= 0 | limit of the output
     """
 )
 

@@ -10,9 +10,10 @@ from errorscreen.data.observations import Observation
 from errorscreen.data.recordings import Recording
 from errorscreen.effects import Effect, common_skew, measurement_effects, mva_base
 from errorscreen.events import Playback, SetPointStep
-from errorscreen.exceptions import InputError, unknown_name
-from errorscreen.models.device import Device
+from errorscreen.exceptions import InputError, check_real, unknown_name
+from errorscreen.models.device import Device, Remark
 from errorscreen.models.set_points import with_steps
+from errorscreen.models.unit import MACHINE_BASE
 from errorscreen.simulators import assembly
 from errorscreen.simulators.plant.connection import Connection
 from errorscreen.simulators.plant.driving_voltage import check_impedance
@@ -69,21 +70,33 @@ def units_of(channels: Iterable[str]) -> tuple[str, ...]:
     return tuple(ROLE_UNITS.get(name, "pu") for name in channels)
 
 
-def with_frequency(
+def of_recording(
     values: dict[str, float], recording: Any, given: Mapping[str, float] | None
 ) -> dict[str, float]:
-    """Constants with the recording's nominal frequency, which a given one must equal."""
-    if "f0" not in values or not isinstance(recording, Recording):
-        return values
-    stated = (given or {}).get("f0", recording.f_nominal)
-    if stated != recording.f_nominal:
-        raise InputError(
-            f"the constant f0 is {stated:g} Hz, but the recording's nominal frequency is {recording.f_nominal:g} Hz",
-            where="PlantSimulator",
-            allowed="the same frequency",
-            remedy="Leave f0 out, or correct f_nominal",
-        )
-    return {**values, "f0": recording.f_nominal}
+    """Constants with the recording's nominal frequency, which a given one must equal, and its base of the machine."""
+    known = isinstance(recording, Recording)
+    if "f0" in values and known:
+        stated = (given or {}).get("f0", recording.f_nominal)
+        if stated != recording.f_nominal:
+            raise InputError(
+                f"the constant f0 is {stated:g} Hz, but the recording's nominal frequency is "
+                f"{recording.f_nominal:g} Hz",
+                where="PlantSimulator",
+                allowed="the same frequency",
+                remedy="Leave f0 out, or correct f_nominal",
+            )
+        values = {**values, "f0": recording.f_nominal}
+    if MACHINE_BASE in values and MACHINE_BASE not in (given or {}):
+        if not known:
+            raise InputError(
+                "a record states TRATE, the rating of its turbine, but the base of the machine is not known",
+                where="PlantSimulator",
+                allowed=f"a recording, whose base_mva it is, or the constant {MACHINE_BASE} in MVA",
+                remedy="State it, or set TRATE to 0, which means that the turbine has the base of the machine",
+            )
+        values = {**values, MACHINE_BASE: recording.base_mva}
+    check_real(values.get(MACHINE_BASE, 1.0), MACHINE_BASE, low=0.0, above=True, where="PlantSimulator")
+    return values
 
 
 def channels_of(recording: Any, channels: Iterable[str] | None, device: Device) -> tuple[str, ...]:
@@ -125,3 +138,21 @@ def angle_source_of(device: Device, constant_frequency: bool, reactance: float) 
             remedy="Leave it out",
         )
     return source
+
+
+def told_of(device: Device, given: Mapping[str, float] | None) -> tuple[Remark, ...]:
+    """What the model takes otherwise than its file says, with the constants that the user states."""
+    return tuple(Remark(note.text) for note in device.notes if note.constant not in (given or {}))
+
+
+def not_compared(recording: Recording, channels: Iterable[str], device: Device) -> list[Remark]:
+    """Sentence on the recorded channels that the device does not have; empty without any."""
+    known = {*ROLE_UNITS, *device.outputs, *device.recordable, *device.driven, *channels}
+    left = [name for name in recording.channels if name not in known]
+    if not left:
+        return []
+    text = (
+        f"{', '.join(left)} {'is' if len(left) == 1 else 'are'} not compared: the model {device.name} has "
+        f"{', '.join((*device.outputs, *device.recordable))}."
+    )
+    return [Remark(text)]

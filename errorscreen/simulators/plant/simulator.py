@@ -30,14 +30,17 @@ from errorscreen.simulators.plant.connection import Connection, power_at_point
 from errorscreen.simulators.plant.driving_voltage import driving_signals
 from errorscreen.simulators.plant.imposed_power import recorded_voltage, unsolved
 from errorscreen.simulators.plant.injection_noise import noise_left, propagated_energy, with_uncertainty
+from errorscreen.simulators.plant.limits import limits_that_act
 from errorscreen.simulators.plant.playback import levels_apart, playback_observation
 from errorscreen.simulators.plant.settings import (
     angle_source_of,
     channels_of,
     device_of,
     effects_in,
+    not_compared,
+    of_recording,
+    told_of,
     units_of,
-    with_frequency,
 )
 from errorscreen.simulators.plant.step_signals import step_signals
 from errorscreen.simulators.recent import Recent
@@ -142,9 +145,8 @@ class PlantSimulator(Simulator):
         self.connection = connection
         self._behind = self.grid_impedance != 0
         self._inside = inside = imposed == "voltage" and (self._behind or connection is not None)
-        self.constants = with_frequency(
-            device.constant_values(constants, in_grid=inside), recording, constants
-        )
+        self.constants = of_recording(device.constant_values(constants, in_grid=inside), recording, constants)
+        self._told = told_of(device, constants)
         if connection is not None:
             self.constants |= connection.constants
         if self._behind:
@@ -218,7 +220,8 @@ class PlantSimulator(Simulator):
             fine = played_on(dt=readings).event
             assert isinstance(fine, Playback)
             observation = replace(observation, event=replace(event, fine=fine))
-        return observation
+        told = (*self._told, *not_compared(recording, self.channels, self.device))
+        return replace(observation, assumptions=(*observation.assumptions, *told))
 
     @property
     def threads(self) -> int:
@@ -361,6 +364,7 @@ class PlantSimulator(Simulator):
                     f"because the {self.imposed} is not known between its samples or the integration step is too "
                     "coarse for it."
                 )
+        notes += limits_that_act(self, observation)
         return replace(observation, assumptions=(*observation.assumptions, *notes))
 
     def with_uncertainty(

@@ -15,6 +15,7 @@ from errorscreen.data.readers.comtrade import read_comtrade_table
 from errorscreen.exceptions import DataWarning, InputError
 
 BASES = {"base_mva": 100.0, "base_kv": 20.0, "f_nominal": 50.0}
+WAVEFORMS = {"voltage": ["VA", "VB", "VC"], "current": ["IA", "IB", "IC"]}
 DIP = 0.4
 #: before and after the dip: V in pu, angle of the voltage in degrees, P and Q in pu
 BEFORE, AFTER = (1.0, 30.0, 0.8, 0.1), (0.7, 20.0, 0.5, -0.05)
@@ -55,12 +56,19 @@ def write(
     stamps=None,
     missing=(),
     encoding="utf-8",
+    phases=None,
+    skews=(),
+    tail="",
 ):
     """Write a record: channels in primary kV and kA, or in secondary V and A with a `ratio` of transformers."""
     n, names = len(time), names or list(values)
     lines = ["PLANT,DFR,1999" if revision == 1999 else "PLANT,DFR" if revision == 1991 else "PLANT,DFR,2013"]
     lines.append(f"{len(names) + n_status},{len(names)}A,{n_status}D")
     stored = []
+    phases, skews = (
+        phases or [name[-1] for name in names],
+        {**dict.fromkeys(range(len(names)), 0), **dict(skews)},
+    )
     for k, (name, x) in enumerate(zip(names, values.values(), strict=True), start=1):
         own = name[0] == "I"
         unit, primary, secondary, ps = units[own], 1, 1, "P"
@@ -71,8 +79,9 @@ def write(
         top = {"BINARY": 32767, "BINARY32": 2**31 - 1}.get(kind, 32767)
         a, b = (1.0, 0.0) if kind == "FLOAT32" else (np.abs(x).max() / top, 0.0)
         stored.append(np.asarray(x if kind == "FLOAT32" else np.round((x - b) / a)))
-        tail = f",{primary},{secondary},{ps}" if revision > 1991 else ""
-        lines.append(f"{k},{name},{name[-1]},UNIT,{unit},{a:.12g},{b},0,-32767,32767{tail}")
+        last = f",{primary},{secondary},{ps}" if revision > 1991 else ""
+        middle = f"{unit},{a:.12g},{b},{skews[k - 1]:g},-32767,32767"
+        lines.append(f"{k},{name},{phases[k - 1]},UNIT,{middle}{last}{tail}")
     lines += [f"{k},S{k},,,0" if revision > 1991 else f"{k},S{k},0" for k in range(1, n_status + 1)]
     rates = [(1 / (time[1] - time[0]), n)] if rates is None else rates
     lines += ["50", str(len(rates) if rates[0][0] else 0), *(f"{r:.9g},{last}" for r, last in rates)]

@@ -1,9 +1,12 @@
 import os
+import tracemalloc
 
 import numpy as np
 import pytest
 
 from errorscreen.data import read_csv, read_recording
+from errorscreen.data.readers import csv
+from errorscreen.data.readers.head import Layout
 from errorscreen.exceptions import InputError
 
 TIME = np.arange(0, 3, 0.05)
@@ -175,3 +178,34 @@ def test_a_column_that_occurs_twice_matters_only_where_it_is_read(tmp_path):
     path.write_text("\n".join([lines[0] + ",P", *(line + ",1" for line in lines[1:])]))
     with pytest.raises(InputError, match=r"column 'P' occurs 2 times.*header_rows = 2"):
         read(path)
+
+
+def test_a_file_of_several_blocks_is_read_as_one_of_a_single_block(tmp_path, monkeypatch):
+    """Whole numbers, others, gaps and texts that begin in different blocks; texts stay as they are written."""
+    rows = [
+        f"{k},{k if k < 40 else k + 0.5},{'' if k == 70 else 0.25 * k},{'bad' if k == 90 else f'{k}.50'},{k:03d}"
+        for k in range(120)
+    ]
+    (tmp_path / "many.csv").write_text("t,a,b,c,d\n" + "\n".join(rows) + "\n")
+    monkeypatch.setattr(csv, "_BLOCK", 100)
+    cells = csv.read_table(tmp_path / "many.csv", Layout(), texts=["d"]).columns
+    np.testing.assert_array_equal(cells["t"], np.arange(120))
+    np.testing.assert_array_equal(cells["a"], [k if k < 40 else k + 0.5 for k in range(120)])
+    np.testing.assert_array_equal(cells["b"], [np.nan if k == 70 else 0.25 * k for k in range(120)])
+    assert list(cells["c"]) == ["bad" if k == 90 else f"{k}.50" for k in range(120)]
+    assert list(cells["d"]) == [f"{k:03d}" for k in range(120)]
+
+
+def test_a_large_file_takes_less_than_three_times_its_size(tmp_path, monkeypatch):
+    """In bytes that numpy and Python hold. Blocks are small beside the file, as they are beside a large one."""
+    monkeypatch.setattr(csv, "_BLOCK", 2**16)
+    rows = "\n".join(
+        f"{0.001 * k:.3f},{1.0 if k < 1e5 else 0.9:.12f},{0.8 + 1e-6 * (k % 7):.12f}" for k in range(200_000)
+    )
+    path = tmp_path / "long.csv"
+    path.write_text("time,V,P\n" + rows + "\n")
+    tracemalloc.start()
+    read_csv(path, {"V": "V", "P": "P"}, base_mva=1, f_nominal=50)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 3 * path.stat().st_size
