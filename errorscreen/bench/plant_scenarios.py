@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, partial
 from typing import Any
@@ -11,11 +12,14 @@ from numpy.typing import NDArray
 
 from errorscreen.bench.hidden_effects import OTHER_FORMS, OUTSIDE
 from errorscreen.bench.scenarios import Scenario, Setup, draw_kind, draw_scenario, pick
+from errorscreen.data.moves import first_move
 from errorscreen.data.observations import Observation
+from errorscreen.data.preparation import LEAST_MOVE
 from errorscreen.data.recordings import Recording
 from errorscreen.effects import Effect, common_skew, effects_of, measurement_effects
 from errorscreen.engine.vmath import smooth_step
 from errorscreen.events import Playback
+from errorscreen.exceptions import InputError
 from errorscreen.models import DEVICES
 from errorscreen.simulators import PlantSimulator
 
@@ -139,10 +143,19 @@ def _record(
             else:
                 moved = _rms(sampled - sampled[time < START].mean())
             noisy[name] = sampled + max(moved * ratio, 1e-6) * rng.standard_normal(len(time))
+        _refuse_moves(time, noisy)
         options: dict[str, Any] = {"base_mva": 100.0, "f_nominal": 60.0, "event_time": START}
         recordings.append(Recording.from_arrays(time, noisy, name=event.name, **options))
     simulator = PlantSimulator(device, recordings[0], n_threads=1)
     return [simulator.observe(r) for r in recordings], simulator
+
+
+def _refuse_moves(time: _Array, channels: Mapping[str, _Array]) -> None:
+    """Refuse a response that makes a clear move before the event: each scenario begins at rest."""
+    for name in ("V", "P", "Q"):
+        move = first_move(time, channels[name], least=LEAST_MOVE)
+        if move is not None and move.clear + 2 < np.searchsorted(time, START):
+            raise InputError(f"{name} moves from {time[move.onset]:g} s on, before the event at {START:g} s")
 
 
 def _rms(values: _Array) -> float:

@@ -224,7 +224,7 @@ def _read_fast(head: Head, wanted: Sequence[str], layout: Layout, texts: set[str
     """The table by the parser of pandas, where every line has as many fields as the header; else None."""
     if head.delimiter == WHITESPACE or len(head.names) == 1 or '"' in head.body or not head.body.isascii():
         return None
-    head.body = head.body.rstrip()
+    head.body = head.body.rstrip("\r\n")  # a delimiter at the end may close the last row
     data = head.body.encode("ascii")
     if not data or not all(_even(block, head.delimiter, len(head.names)) for block in _blocks(data)):
         return None
