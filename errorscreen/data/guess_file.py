@@ -167,12 +167,17 @@ def _of_table(found: Opened, units: Sequence[tuple[object, str]]) -> FileGuess:
 
 
 def _of_steps(time: _Array) -> dict[str, Guess]:
-    """Key ``on_duplicate`` where a program wrote two states at the instant of a step: no sample lacks after them."""
+    """Key ``on_duplicate`` where a program wrote several states at an instant.
+
+    Most instants have one row then, and on a regular grid no sample lacks behind a repeated stamp.
+    """
     steps = np.diff(time)
-    twice = np.flatnonzero(steps == 0)
-    after = steps[np.minimum(twice + 1, len(steps) - 1)]
-    usual = np.median(steps[steps > 0]) if (steps > 0).any() else 0.0
-    if not len(twice) or 10 * len(twice) > len(time) or (after > 1.5 * usual).any():
+    twice, between = np.flatnonzero(steps == 0), steps[steps > 0]
+    if not len(twice) or 2 * len(twice) > len(between):
+        return {}
+    usual = float(np.median(between))
+    regular = np.mean(np.abs(between - usual) < 0.1 * usual) > 0.9
+    if regular and (steps[np.minimum(twice + 1, len(steps) - 1)] > 1.5 * usual).any():
         return {}
     reason = f"{len(twice)} rows repeat a time stamp, as simulation programs write the instant of a step"
     return {"on_duplicate": Guess("last", reason, check=True)}

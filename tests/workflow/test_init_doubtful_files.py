@@ -59,6 +59,15 @@ def test_two_rows_at_a_step_are_those_of_a_program_where_no_sample_lacks(tmp_pat
     assert case.recording.on_duplicate == "mean"
 
 
+def test_a_third_of_the_rows_may_repeat_a_stamp(tmp_path):
+    """A program with a variable step writes each of its iterations."""
+    time = np.cumsum(np.random.default_rng(1).uniform(0.005, 0.035, len(TIME)))
+    places = np.sort(np.r_[np.arange(len(TIME)), np.arange(3, len(TIME), 3)])
+    numbers = [np.interp(time, TIME, x)[places] + 1e-5 * np.arange(len(places)) for x in NUMBERS]
+    _, case, *_ = initiated(write(tmp_path, HEADERS, numbers, time=[f"{t:.6f}" for t in time[places]]))
+    assert case.recording.on_duplicate == "last"
+
+
 def test_day_and_month_are_those_that_do_not_jump_at_midnight(tmp_path):
     midnight = np.datetime64("2026-05-04T00:00:00.000") - np.timedelta64(1500, "ms")
     texts = [str(midnight + np.timedelta64(round(1000 * t), "ms")) for t in TIME]
