@@ -33,8 +33,8 @@ class Channel(Displayed):
         Standard deviation of the measurement noise, in `unit`; positive.
     age : float
         Seconds that a reading may be older than its time stamp, because the meter holds it.
-    noise_stated : bool
-        Whether the noise is known from another source; a stated one holds on any grid.
+    fixed : bool
+        Whether the noise holds on any grid, because it was stated or there is no quiet part to estimate it from.
     """
 
     name: str
@@ -42,7 +42,7 @@ class Channel(Displayed):
     unit: str
     noise: float
     age: float = 0.0
-    noise_stated: bool = False
+    fixed: bool = False
 
     def _facts(self) -> dict[str, Any]:
         readings = f"{np.isfinite(self.values).sum()} of {len(self.values)}"

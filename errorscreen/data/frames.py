@@ -272,7 +272,7 @@ def _numbers(
 def _specs(
     columns: Specs, phases: Waveforms | Phasors | None, table: Table, notes: list[str]
 ) -> dict[str, Column]:
-    """Sources of channels: what follows from phases, unless a column of the file is named for it."""
+    """Sources of channels: the phases, unless a column of the file is named for one."""
     source = table.source
     specs = {} if phases is None else phases.columns
     for role, given in columns.items():

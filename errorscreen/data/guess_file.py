@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,6 @@ from errorscreen.data.guesses import (
     guess_waveforms,
     phase_of,
     rated_kv,
-    settle_still,
 )
 from errorscreen.data.readers import recognised
 from errorscreen.data.readers.comtrade import read_comtrade_table
@@ -36,6 +35,8 @@ from errorscreen.data.waveforms import Waveforms, trios
 from errorscreen.exceptions import InputError
 
 _Array = NDArray[np.float64]
+#: range of a channel, relative to its largest reading, that readers refuse as one that never moves
+_STILL = 1e-6
 
 
 @dataclass
@@ -88,7 +89,7 @@ def guess_file(path: Path, units: Sequence[tuple[object, str]] = ()) -> FileGues
             allowed=f"comtrade, {', '.join(OPENERS)}",
             remedy="Write the case file yourself: errorscreen keys recording tells its keys",
         )
-    found.channels, told = settle_still(found.channels)
+    found.channels, told = _settle_still(found.channels)
     found.open += told
     found.keys = {"format": Guess(kind, "by the content of the file"), **found.keys}
     return found
@@ -164,6 +165,25 @@ def _of_table(found: Opened, units: Sequence[tuple[object, str]]) -> FileGuess:
     if not channels:
         left.append(f"No column is recognised as V, angle, f, P or Q among {listed(map(repr, rest))}.")
     return FileGuess({**keys, **_bases(channels, f_nominal)}, channels, open=left)
+
+
+def _settle_still(channels: dict[str, ChannelGuess]) -> tuple[dict[str, ChannelGuess], list[str]]:
+    """Channels without an f or angle that never moves; a P or Q that never moves is stated. And sentences on both."""
+    kept, told = {}, []
+    for role, one in channels.items():
+        known = one.numbers[np.isfinite(one.numbers)]
+        still = bool(len(known)) and np.ptp(known) <= _STILL * np.abs(known).max()
+        if still and role in ("f", "angle"):
+            told.append(
+                f"Column {one.fields['column']!r} would be {role}, but it never moves, so it was left out."
+            )
+            continue
+        if still and role in ("P", "Q"):
+            told.append(f"Column {one.fields['column']!r} never moves, so {role} is stated and not compared.")
+            fields = {key: value for key, value in one.fields.items() if key != "column"}
+            one = replace(one, fields={"value": one.level, **fields}, reason=f"{one.reason}; it never moves")
+        kept[role] = one
+    return kept, told
 
 
 def _of_steps(time: _Array) -> dict[str, Guess]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -35,8 +35,6 @@ LEVELS = (
 )  # fmt: skip
 #: relative distance from a level, and from a level divided by √3, at which a voltage still belongs to it
 _NEAR, _NEAR_NEUTRAL = 0.07, 0.03
-#: range of a channel, relative to its largest reading, that readers refuse as one that never moves
-_STILL = 1e-6
 #: pu around 1 that a voltage in service is in
 _NEAR_ONE = 0.1
 #: relative difference of V in pu that does not matter
@@ -240,25 +238,6 @@ def guess_channels(
             reason, check = f"{reason}; the angle of the voltage is meant, not that of the rotor", True
         channels[role] = ChannelGuess({"column": name, "unit": unit}, reason, numbers, check)
     return channels, open_
-
-
-def settle_still(channels: dict[str, ChannelGuess]) -> tuple[dict[str, ChannelGuess], list[str]]:
-    """Channels of which f and angle are left out, and P and Q are stated, where they never move; and what was done."""
-    kept, told = {}, []
-    for role, one in channels.items():
-        known = one.numbers[np.isfinite(one.numbers)]
-        still = bool(len(known)) and np.ptp(known) <= _STILL * np.abs(known).max()
-        if still and role in ("f", "angle"):
-            told.append(
-                f"Column {one.fields['column']!r} would be {role}, but it never moves, so it was left out."
-            )
-            continue
-        if still and role in ("P", "Q"):
-            told.append(f"Column {one.fields['column']!r} never moves, so {role} is stated and not compared.")
-            fields = {key: value for key, value in one.fields.items() if key != "column"}
-            one = replace(one, fields={"value": one.level, **fields}, reason=f"{one.reason}; it never moves")
-        kept[role] = one
-    return kept, told
 
 
 def _unit_by_level(

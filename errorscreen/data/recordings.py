@@ -164,8 +164,9 @@ class Recording(Displayed):
         sigma = {key: preparation.channel_noise(key, t, v, *known) for key, v in arrays.items()}
         if quiet is None:
             t, arrays, quiet = preparation.preceded(t, arrays, level or {}, f_nominal, notes, where)
+        fixed = arrays if level else noise  # without a quiet part, it cannot be estimated again
         channels = {
-            k: Channel(k, v, named[k], sigma[k], ages.get(k, 0.0), k in noise) for k, v in arrays.items()
+            k: Channel(k, v, named[k], sigma[k], ages.get(k, 0), k in fixed) for k, v in arrays.items()
         }
         bases = (base_mva, f_nominal, start, quiet, base_kv)
         recording = cls(name, t, channels, *bases, given, stated=bool(level))
@@ -224,9 +225,7 @@ class Recording(Displayed):
             if sigma is None:
                 sigma, note = preparation.noise_of_signal(key, t, v, start)
                 notes.append(note)
-            channels[key] = Channel(
-                key, v, (units or {}).get(key, ""), float(sigma), noise_stated=key in noise
-            )
+            channels[key] = Channel(key, v, (units or {}).get(key, ""), float(sigma), fixed=key in noise)
         quiet = (float(t[0]), start)
         return cls(name, t, channels, 1.0, 50.0, start, quiet, assumptions=tuple(notes))
 
@@ -346,8 +345,7 @@ class Recording(Displayed):
         if resampling.low_pass_needed(step, resampling.spacing(source, channel.values)):
             notes.append(f"{channel.name} was low-pass filtered before it was sampled every {step:g} s.")
             readings = np.isfinite(values[self._is_quiet(grid)]).sum()
-            estimated = not (self.stated or channel.noise_stated)
-            if readings >= signals.MIN_QUIET and estimated:  # the filter took part of the noise
+            if readings >= signals.MIN_QUIET and not channel.fixed:  # the filter took part of the noise
                 noise = min(noise, signals.estimate_noise(grid, values, self.quiet))
         return replace(channel, values=values, noise=noise)
 
