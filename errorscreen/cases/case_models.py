@@ -68,8 +68,12 @@ class WaveformsSection(Section):
         "cycle", "window: one period, or the filter of class P or M of IEEE C37.118"
     )
     rate: Positive | None = setting(None, "phasors in one second; two in each period if not given")
-    voltage_unit: Literal["V", "kV"] | None = setting(None, "that of the file if not given")
-    current_unit: Literal["A", "kA"] | None = setting(None, "that of the file if not given")
+    voltage_unit: Literal["V", "kV", "pu"] | None = setting(
+        None, "that of the file if not given; 1 pu is the peak value of base_kv"
+    )
+    current_unit: Literal["A", "kA", "pu"] | None = setting(
+        None, "that of the file if not given; 1 pu is the peak value of the current of base_mva and base_kv"
+    )
 
 
 #: header of a column with texts such as 230.1+12.3j, or two headers

@@ -18,6 +18,7 @@ from errorscreen.data.guess_tables import OPENERS, Opened
 from errorscreen.data.guesses import (
     ChannelGuess,
     Guess,
+    base_kv_of_pu,
     guess_base_kv,
     guess_base_mva,
     guess_channels,
@@ -124,7 +125,7 @@ def _of_table(found: Opened, units: Sequence[tuple[object, str]]) -> FileGuess:
     step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
     rest = [name for name in found.names if name not in stamps]
     keys |= _of_steps(time)
-    waves, assumed = guess_waveforms(table, rest, step, decimal)
+    waves, assumed, in_pu = guess_waveforms(table, rest, step, decimal)
     if waves:
         try:
             spec = trios(waves, table.source)
@@ -138,7 +139,8 @@ def _of_table(found: Opened, units: Sequence[tuple[object, str]]) -> FileGuess:
                 table.source,
                 units=unit_of,
             )
-            guessed = _of_waves(table, time, spec, guess_frequency({}, None, step), "by size" * assumed)
+            frequency = _frequency(table.numbers(spec.voltage[0]), time)
+            guessed = _of_waves(table, time, spec, frequency, "by size" * assumed, in_pu)
             guessed.keys = keys | guessed.keys
             return guessed
     if (of_psse := guess_psse(table, rest, decimal, units)) is not None:
@@ -203,7 +205,20 @@ def _of_steps(time: _Array) -> dict[str, Guess]:
     return {"on_duplicate": Guess("last", reason, check=True)}
 
 
-def _of_waves(table: Table, time: _Array, spec: Waveforms, f_nominal: Guess, unit_reason: str) -> FileGuess:
+def _frequency(wave: _Array, time: _Array) -> Guess:
+    """Nominal frequency by the time that ten periods of a wave take."""
+    rising = time[1:][(wave[:-1] < 0) & (wave[1:] >= 0)]
+    ten = rising[10:] - rising[:-10]
+    level = 10.0 / float(np.median(ten)) if len(ten) else np.nan
+    for nominal in (50.0, 60.0):
+        if abs(level - nominal) < 2.5:
+            return Guess(nominal, f"the wave repeats {level:.4g} times a second")
+    return guess_frequency({}, None, float(np.median(np.diff(time))))
+
+
+def _of_waves(
+    table: Table, time: _Array, spec: Waveforms, f_nominal: Guess, unit_reason: str, in_pu: bool = False
+) -> FileGuess:
     """Guess of waveforms; base and level follow from the first two periods."""
     first = time <= time[0] + 2.0 / f_nominal.value
     volts, amps = (
@@ -220,17 +235,17 @@ def _of_waves(table: Table, time: _Array, spec: Waveforms, f_nominal: Guess, uni
         fields["current"] = list(spec.current)
     if spec.line_to_line:
         fields["line_to_line"] = True
-    if unit_reason:
-        fields["voltage_unit"] = table.units[spec.voltage[0]]
+    if unit_reason or in_pu:
+        fields["voltage_unit"] = "pu" if in_pu else table.units[spec.voltage[0]]
         if spec.current:
-            fields["current_unit"] = table.units[spec.current[0]]
+            fields["current_unit"] = "pu" if in_pu else table.units[spec.current[0]]
     reason = "three voltages and three currents of the phases, point on wave"
     if unit_reason:
         reason += f"; their units {unit_reason}"
-    base_kv, _ = guess_level(kv, "the voltage from line to line is")
+    base_kv = base_kv_of_pu() if in_pu else guess_level(kv, "the voltage from line to line is")[0]
     keys = {
         "f_nominal": f_nominal,
-        "base_mva": guess_base_mva(P if P == P else 0.0, 0.0, "MW"),
+        "base_mva": guess_base_mva(P if P == P else 0.0, 0.0, "pu" if in_pu else "MW"),
         "base_kv": base_kv,
     }
     open_ = [] if spec.current else ["There are no three currents, so P and Q do not follow."]

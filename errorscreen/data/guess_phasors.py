@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from errorscreen.data.guesses import Guess, guess_base_mva, guess_level
+from errorscreen.data.guesses import MOST_PU, PU, Guess, base_kv_of_pu, guess_base_mva, guess_level
 from errorscreen.data.headers import role_and_unit
 from errorscreen.data.phase_headers import phasors_of
 from errorscreen.data.phasors import as_phasors
@@ -21,8 +21,6 @@ from errorscreen.exceptions import DataWarning
 _Array = NDArray[np.float64]
 #: units of a quantity, the larger one first, and the level under which numbers count in it
 _UNITS = {"voltage": ("kV", "V", 1000.0), "current": ("kA", "A", 50.0)}
-#: pu that a voltage begins in, and that a current begins below
-_PU, _MOST_PU = (0.8, 1.2), 5.0
 #: bases of phasors in pu, which scale nothing
 _MVA, _KV = 100.0, 20.0
 #: rad and a little more: a larger angle is in degrees
@@ -75,7 +73,7 @@ def guess_phasors(
         else:
             found = [np.nanmedian(np.abs(x)) for name, x in numbers.items() if name.split(", ")[0] in first]
             levels[quantity] = float(max(found))
-    in_pu = _PU[0] < levels.get("voltage", 0.0) < _PU[1] and levels.get("current", 0.0) < _MOST_PU
+    in_pu = PU[0] < levels.get("voltage", 0.0) < PU[1] and levels.get("current", 0.0) < MOST_PU
     for quantity, level in levels.items():
         large, small, most = _UNITS[quantity]
         fields[f"{quantity}_unit"] = "pu" if in_pu else large if level < most else small
@@ -106,9 +104,7 @@ def _with_bases(
     first = slice(0, max(3, len(time) // 10))
     kv = float(np.nanmedian(found["V"][first]))
     in_pu = spec.voltage_unit == "pu"
-    keys = {"base_kv": guess_level(kv, "the voltage from line to line is")[0]}
-    if in_pu:
-        keys = {"base_kv": Guess(_KV, "of phasors in pu it scales nothing, but is needed", check=True)}
+    keys = {"base_kv": base_kv_of_pu() if in_pu else guess_level(kv, "the voltage from line to line is")[0]}
     if "P" in found:
         P, Q = (float(np.nanmedian(found[name][first])) for name in "PQ")
         keys["base_mva"] = guess_base_mva(P, Q, "pu" if in_pu else "MW")

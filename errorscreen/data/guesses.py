@@ -59,6 +59,8 @@ _BY_UNIT = {"V": "V", "kV": "V", "deg": "angle", "rad": "angle", "Hz": "f", "mHz
 #: words in headers of the excitation, whose V and A are not those of the terminal
 _EXCITATION = {"field", "exciter", "excitation", "efd", "vfd", "ufd", "ifd", "erregung", "erreger"}
 _NEUTRAL = re.compile(r"(?<![a-z0-9])(ln|l-n|phn|ph-n|line[ _-]to[ _-]neutral)(?![a-z0-9])", re.IGNORECASE)
+#: pu that a voltage begins in, and that a current begins below
+PU, MOST_PU = (0.8, 1.2), 5.0
 _UNIT_BEHIND = re.compile(r"(\s+in\s+\S+|\s*[\[(].*[\])])$")
 _PHASE = re.compile(
     r"(?P<kind>[vui])[ _]?(?P<phase>a|b|c|ab|bc|ca|l1|l2|l3|r|s|t|y)(?:$|[^a-z0-9])", re.IGNORECASE
@@ -351,6 +353,11 @@ def guess_base_mva(P: float, Q: float, unit: str | None) -> Guess:
     )
 
 
+def base_kv_of_pu() -> Guess:
+    """Base in kV where voltages and currents are in pu."""
+    return Guess(20.0, "of voltages and currents in pu it scales nothing, but is needed", check=True)
+
+
 def phase_of(name: str) -> str:
     """Phase that the name of a channel states; empty without one.
 
@@ -364,9 +371,12 @@ def phase_of(name: str) -> str:
 
 def guess_waveforms(
     table: Table, names: Sequence[str], step: float, decimal: str
-) -> tuple[list[tuple[str, str, str]], bool]:
-    """Channels (name, phase, unit) that look like sampled waves of three phases, and whether a unit was assumed."""
-    found, assumed = [], False
+) -> tuple[list[tuple[str, str, str]], bool, bool]:
+    """Channels (name, phase, unit) that look like sampled waves of three phases.
+
+    Also whether a unit was assumed, and whether all numbers are in pu; a unit is that of the kind then.
+    """
+    found, assumed, in_pu = [], False, True
     for name in names:
         phase, match = phase_of(name), _PHASE.match(name.strip())
         if not match or step > 1 / 300:
@@ -376,11 +386,12 @@ def guess_waveforms(
             continue
         of_current = match["kind"].casefold() == "i"
         allowed = ("A", "kA") if of_current else ("V", "kV")
-        stated = [
-            u for u in (role_and_unit(name)[1], table.units.get(name, "").strip("[]() ")) if u in allowed
-        ]
+        told = role_and_unit(name)[1], table.units.get(name, "").strip("[]() ")
+        stated = [u for u in told if u in allowed]
         most = float(np.nanmax(np.abs(numbers)))
         unit = stated[0] if stated else allowed[most < (50.0 if of_current else 1000.0)]
-        assumed |= not stated
+        assumed |= not stated and "pu" not in told
+        peak = np.sqrt(2) * float(np.nanstd(numbers))
+        in_pu &= "pu" in told or (not stated and (peak < MOST_PU if of_current else PU[0] < peak < PU[1]))
         found.append((name, phase, unit))
-    return found, assumed
+    return found, assumed, in_pu and bool(found)

@@ -35,6 +35,7 @@ from errorscreen.data.sequences import (
     magnitudes,
     own_columns,
     power,
+    pu_factors,
     sequences,
     spec_of,
 )
@@ -72,8 +73,8 @@ class Waveforms:
         Window, see the equations of this module.
     rate : float, optional
         Phasors in one second; two in each nominal period where not given.
-    voltage_unit, current_unit : {"V", "kV"}, {"A", "kA"}, optional
-        Those of the file where not given.
+    voltage_unit, current_unit : {"V", "kV", "pu"}, {"A", "kA", "pu"}, optional
+        Those of the file where not given. 1 pu is the peak value of the nominal voltage, or of the nominal current.
     """
 
     voltage: tuple[str, ...]
@@ -118,7 +119,7 @@ class Waveforms:
     ) -> tuple[_Array, dict[str, _Array], dict[str, _Array]]:
         """Time, columns that follow by their names, and the means of further columns; see `phasors`.
 
-        `bases` are not used: whether 1 pu of a wave is its peak or its rms value, nobody can tell.
+        `bases` are needed for numbers in pu.
         """
         if (np.diff(time) <= 0).any():
             raise InputError(
@@ -126,7 +127,7 @@ class Waveforms:
                 where=table.source,
                 allowed="stamps with all their decimals",
             )
-        return phasors(replace(table, columns=numbers), time, self, further, f_nominal, notes)
+        return phasors(replace(table, columns=numbers), time, self, further, f_nominal, notes, bases)
 
 
 def as_waveforms(found: Waveforms | Mapping[str, Any], source: str) -> Waveforms:
@@ -199,6 +200,7 @@ def phasors(
     further: Iterable[str],
     f_nominal: float,
     notes: list[str],
+    bases: Bases | None = None,
 ) -> tuple[_Array, dict[str, _Array], dict[str, _Array]]:
     """Time in s; V in kV from line to line, angle in rad, f in Hz, P in MW and Q in Mvar, all of the positive sequence.
 
@@ -215,6 +217,8 @@ def phasors(
         Hz.
     notes : list of str
         Gets sentences on assumptions.
+    bases : Bases, optional
+        For numbers in pu.
 
     Raises
     ------
@@ -240,7 +244,10 @@ def phasors(
             where=table.source,
             allowed=f"{2 * half:g} s",
         )
-    scale = factor(table.units, spec.voltage, spec.voltage_unit, "voltage", where)
+    pu = None
+    if bases is not None:
+        pu = {quantity: np.sqrt(2) * rms for quantity, rms in pu_factors(bases, spec.line_to_line).items()}
+    scale = factor(table.units, spec.voltage, spec.voltage_unit, "voltage", where, pu)
     voltages = [scale * _phasor(table, header, time, at, spec.method, f_nominal) for header in spec.voltage]
     check_voltages(voltages, spec.voltage, table.source)
     one, two, zero = sequences(voltages, spec.line_to_line)
@@ -250,7 +257,7 @@ def phasors(
     one = _divided(one, passed)
     found = {"angle": angle, "f": f, **magnitudes(one, two, zero)}
     if spec.current:
-        scale = factor(table.units, spec.current, spec.current_unit, "current", where)
+        scale = factor(table.units, spec.current, spec.current_unit, "current", where, pu)
         currents = [
             scale * _phasor(table, header, time, at, spec.method, f_nominal) for header in spec.current
         ]

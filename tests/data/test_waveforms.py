@@ -60,10 +60,17 @@ def test_currents_into_the_plant():
         es.read(frame, waveforms={**WAVEFORMS, "sign": "out"}, **BASES)
 
 
-def test_waves_in_pu_are_refused():
-    frame = pd.DataFrame({"time": TIME, **waves(TIME)})
-    with pytest.raises(InputError, match="VA, VB, VC is 'pu'.*V or kV"):
-        es.read(frame, waveforms={**WAVEFORMS, "voltage_unit": "pu"}, **BASES)
+def test_waves_in_pu_are_of_the_peak_values():
+    peak = {
+        "V": np.sqrt(2 / 3) * BASES["base_kv"],
+        "I": np.sqrt(2 / 3) * BASES["base_mva"] / BASES["base_kv"],
+    }
+    per_unit = {name: x / peak[name[0]] for name, x in waves(TIME).items()}
+    frame = pd.DataFrame({"time": TIME, **per_unit})
+    spec = {**WAVEFORMS, "voltage_unit": "pu", "current_unit": "pu"}
+    check(es.read(frame, waveforms=spec, **BASES))
+    with pytest.raises(InputError, match="the voltage in pu cannot be converted.*Give base_kv"):
+        es.read(frame, waveforms=spec, base_mva=BASES["base_mva"], f_nominal=BASES["f_nominal"])
 
 
 def test_stamps_that_do_not_increase_are_refused():

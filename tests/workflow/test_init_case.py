@@ -4,6 +4,7 @@ import shutil
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from errorscreen.cases import load_case
@@ -140,6 +141,24 @@ def test_a_comtrade_record_gives_its_waveforms(tmp_path):
     assert first["V"] == pytest.approx(1.0, abs=1e-3)
     assert first["P"] * recording.base_mva == pytest.approx(80.0, rel=1e-3)
     assert not written.missing
+
+
+@pytest.mark.parametrize("unit", ["", " (pu)"])
+def test_waves_in_pu_are_seen_by_their_size_or_unit(tmp_path, unit):
+    peak = {"V": np.sqrt(2 / 3) * 20.0, "I": np.sqrt(2 / 3) * 100.0 / 20.0}
+    waves = {name: x / peak[name[0]] for name, x in test_comtrade.waves(test_comtrade.TIME).items()}
+    names = [f"{name[0]}{name[1].lower()}{unit}" for name in waves]
+    path = tmp_path / "waves.csv"
+    pd.DataFrame({"time": test_comtrade.TIME, **dict(zip(names, waves.values(), strict=True))}).to_csv(
+        path, index=False
+    )
+    _, case, recording, text = initiated(path)
+    assert (case.recording.waveforms.voltage_unit, case.recording.waveforms.current_unit) == ("pu", "pu")
+    assert ("their units by size" in text) == (not unit)
+    assert "f_nominal = 50.0  # the wave repeats 50 times a second" in text
+    first = recording.initial(["V", "P", "Q"])
+    assert first["V"] == pytest.approx(1.0, abs=1e-3)
+    assert first["P"] == pytest.approx(0.8, abs=1e-3)
 
 
 def test_a_long_file_is_cut_to_a_window_around_the_event(tmp_path):
