@@ -138,7 +138,7 @@ def _feed(state: Any, value: Any) -> None:
     state.update(f"{type(value).__module__}.{type(value).__qualname__}(".encode())
     if isinstance(value, np.ndarray):
         state.update(f"{value.dtype.str}{value.shape}".encode())
-        state.update(np.ascontiguousarray(value).tobytes())
+        state.update(np.ascontiguousarray(value).ravel().view(np.uint8))
     elif dataclasses.is_dataclass(value) and not isinstance(value, type):
         for item in dataclasses.fields(value):
             _feed(state, item.name)

@@ -19,8 +19,8 @@ from errorscreen.parameters import distinct_rows
 from errorscreen.simulators.base import Simulator
 from errorscreen.simulators.observations import as_observations, check_names
 
-#: most simulated numbers of a thread at a time where only the misfit is kept (64 MiB)
-_CHUNK = 2**23
+#: most simulated numbers of a thread at a time where only the misfit is kept (16 MiB)
+_CHUNK = 2**21
 #: fewest measured samples after the start of an event in a part of a recording
 _LEAST = 8
 #: a fit is refused if more unaccounted noise than this passes, in multiples of the noise

@@ -58,7 +58,7 @@ class Observation(Displayed):
     assumptions: tuple[str, ...] = ()
     extra: NDArray[np.float64] | None = None
     level_std: NDArray[np.float64] | None = None
-    modes: NDArray[np.float64] | None = None
+    modes: NDArray[np.floating[Any]] | None = None
     propagated: NDArray[np.float64] | None = None
 
     @cached_property
@@ -111,19 +111,23 @@ class Observation(Displayed):
     @cached_property
     def _shared(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Orthonormal directions (R L, K) of errors that samples share, and the shrinkage along each of them (K,)."""
-        columns = [] if self.modes is None else list(np.asarray(self.modes, dtype=float))
-        if self.level_std is not None:
-            after = self.time >= self.event.start - 1e-9
-            for r, std in enumerate(np.asarray(self.level_std, dtype=float)):
-                if std > 0:
-                    column = np.zeros(self.values.shape)
-                    column[r, after] = std
-                    columns.append(column)
-        if not columns:
+        stds = np.zeros(0) if self.level_std is None else np.asarray(self.level_std, dtype=float)
+        offsets = np.zeros((len(stds), *self.values.shape))
+        for r, std in enumerate(stds):
+            offsets[r, r, self.time >= self.event.start - 1e-9] = std
+        columns = [offsets[stds > 0]] if self.modes is None else [np.asarray(self.modes), offsets[stds > 0]]
+        B = np.concatenate(columns)
+        B /= self.sigma
+        B[:, ~self.mask] = 0.0
+        if not len(B):
             return np.zeros((self.values.size, 0)), np.zeros(0)
-        B = np.array([np.where(self.mask, column / self.sigma, 0.0).ravel() for column in columns]).T
-        U, S, _ = np.linalg.svd(B, full_matrices=False)
-        return U, 1.0 - 1.0 / np.sqrt(1.0 + S**2)
+        B = B.reshape(len(B), -1).T
+        squares, V = np.linalg.eigh(
+            B.T @ B
+        )  # K is small beside R L, so that this is faster than the svd of B
+        known = squares > 1e-12 * squares[-1]
+        squares, V = squares[known], V[:, known]
+        return B @ (V / np.sqrt(squares)), 1.0 - 1.0 / np.sqrt(1.0 + squares)
 
     def first(self, samples: int) -> Observation:
         """Return the observation at the first instants of the time axis, each time the same object.

@@ -125,7 +125,7 @@ class ErrorDataset(Displayed):
 
     def valid(self) -> ErrorDataset:
         """Return the samples that did not fail."""
-        return self.take(self.ok)
+        return self.take(self.ok) if self.n_failed else self
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the dataset to one ``.npz`` file, completely or not at all; `InputError` if that is impossible."""

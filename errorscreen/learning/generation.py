@@ -21,7 +21,7 @@ from errorscreen.metrics import channel_weights
 from errorscreen.simulators.base import Simulator, Status
 
 #: bytes of a batch, and arrays of its size: responses, their changes, the squares of these, and one of the engine
-_BATCH_BYTES = 128 * 2**20
+_BATCH_BYTES = 64 * 2**20
 _COPIES = 4
 _Batch = dict[str, NDArray[Any]]
 
@@ -161,7 +161,7 @@ def contribution_labels(
 
 
 def batch_length(simulator: Simulator, event: Event, batch_size: int = 1024, *, simulations: int = 1) -> int:
-    """Number of samples of a batch: at most `batch_size` simulations and about 128 MB."""
+    """Number of samples of a batch: at most `batch_size` simulations and about 64 MB."""
     response_bytes = len(simulator.channels) * len(event.time) * np.dtype(float).itemsize
     length = max(1, min(batch_size, _BATCH_BYTES // (_COPIES * response_bytes)))
     return max(1, length // simulations)
@@ -201,7 +201,7 @@ def generate_dataset(
         result does not depend on it.
     batch_size : int, default 1024
         Largest number of simulations of a batch; fewer where the responses are long, so that a batch takes about
-        128 MB.
+        64 MB.
     progress : bool, default False
         Show a progress bar.
     checkpoint : path-like, optional
@@ -256,7 +256,7 @@ def generate_dataset(
     done = _run(simulator, batches, event, options, n_jobs, progress, store)
     data = ErrorDataset(
         theta=theta,
-        **{name: np.concatenate([batch[name] for batch in done]) for name in done[0]},
+        **done,
         baseline=baseline,
         names=simulator.parameters.names,
         channels=tuple(simulator.channels),
@@ -282,9 +282,24 @@ def _run(
     n_jobs: int | None,
     progress: bool,
     store: Store | None,
-) -> list[_Batch]:
-    """Simulate and label the batches that are not stored; return all in order."""
-    done = {} if store is None else store.load(range(len(batches)))
+) -> _Batch:
+    """Simulate and label the batches that are not stored; return all in one, in order.
+
+    Each is put in its place as it comes: the responses of a fast recorder fit into the memory only once.
+    """
+    starts = np.cumsum([0, *map(len, batches)])
+    done: set[int] = set()
+    whole: _Batch = {}
+
+    def keep(i: int, batch: _Batch) -> None:
+        for name, part in batch.items():
+            if name not in whole:
+                whole[name] = np.empty((starts[-1], *part.shape[1:]), dtype=part.dtype)
+            whole[name][starts[i] : starts[i + 1]] = part
+        done.add(i)
+
+    for i, stored in ({} if store is None else store.load(range(len(batches)))).items():
+        keep(i, stored)
     missing = [i for i in range(len(batches)) if i not in done]
     tasks = (delayed(_label)(simulator, batches[i], event, options) for i in missing)
     results: Iterator[_Batch] = Parallel(n_jobs=n_jobs, return_as="generator")(tasks)
@@ -293,7 +308,7 @@ def _run(
         bar.update(sum(len(batches[i]) for i in done))
         try:
             for i, result in zip(missing, results, strict=True):
-                done[i] = result
+                keep(i, result)
                 if store is not None:
                     store.save(i, result)
                 bar.update(len(batches[i]))
@@ -304,7 +319,7 @@ def _run(
                 f"{len(done)} of {len(batches)} batches are stored in {store.folder}; "
                 "the same call resumes from there"
             ) from interrupt
-    return [done[i] for i in range(len(batches))]
+    return whole
 
 
 def _label(simulator: Simulator, theta: NDArray[np.float64], event: Event, options: dict[str, Any]) -> _Batch:

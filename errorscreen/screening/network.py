@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from errorscreen.features import ResponseErrorTransformer
@@ -16,6 +17,8 @@ from errorscreen.screening.contribution import ContributionScreener, contributio
 from errorscreen.simulators.base import Simulator
 from errorscreen.simulators.observations import as_observations
 
+#: Samples of the errors that images are made of; of twice as many and more, means of equal parts.
+_MOST_SAMPLES = 2000
 #: Another number of threads rounds sums differently, and training amplifies that.
 THREADS = 1
 
@@ -99,10 +102,17 @@ class NetworkScreener(BaseScreener):
         names, n_failed = self.simulator.parameters.names, dataset.n_failed
         usable = dataset.valid()
         error = ResponseErrorTransformer(dataset.baseline, missing="zero").fit(usable.responses)
-        training, contributions = error.transform(usable.responses), usable.contributions
+        every = max(1, len(observation.time) // _MOST_SAMPLES)
+
+        def image_errors(responses: NDArray[np.float64]) -> NDArray[np.float64]:
+            # nothing may be learned from unmeasured samples
+            return _means(np.where(observation.mask, error.transform(responses[None])[0], 0.0), every)
+
+        training = np.array([image_errors(responses) for responses in usable.responses])
+        contributions = usable.contributions
         del dataset, usable  # the responses of a fast recorder are large
-        training[:, ~observation.mask] = 0.0  # nothing may be learned from unmeasured samples
-        pipeline = contribution_pipeline(observation.event.dt, self.random_state).set_params(
+        noise = np.where(observation.mask, observation.noise[:, None], 0.0)
+        pipeline = contribution_pipeline(every * observation.event.dt, self.random_state).set_params(
             cwttransformer__n_frequencies=self.n_frequencies,
             cwttransformer__n_columns=self.n_columns,
             cnncontributionregressor__max_epochs=self.epochs,
@@ -111,11 +121,17 @@ class NetworkScreener(BaseScreener):
         screener = ContributionScreener(
             pipeline,
             names,
-            noise=np.where(observation.mask, observation.noise[:, None], 0.0),
+            noise=np.sqrt(_means(noise**2, every) / every),
             random_state=self.random_state,
         )
         with threadpool_limits(limits=THREADS):
             screener.fit(training, contributions)
-            predicted = screener.predict(error.transform(observation.values[None]))[0]
+            predicted = screener.predict(image_errors(observation.values)[None])[0]
         self._store(predicted, names, self.n_samples * (len(names) + 1), n_failed)
         return self
+
+
+def _means(values: NDArray[np.float64], every: int) -> NDArray[np.float64]:
+    """Means (R, L // every) of parts of the rows (R, L)."""
+    count = values.shape[1] // every
+    return np.asarray(values[:, : count * every].reshape(len(values), count, every).mean(axis=2))

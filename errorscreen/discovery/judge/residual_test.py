@@ -41,7 +41,7 @@ _FEWEST_DRAWS = 20
 #: draws of noise that are transformed at a time
 _BLOCK = 16
 #: values of noise that are drawn at a time, so that long recordings do not fill the memory
-_MOST_VALUES = 2**22
+_MOST_VALUES = 2**21
 #: draws after which no more are made if none of them comes near: what is so many times as conspicuous as all of them is
 #: not reached by any
 _FIRST_DRAWS, _NEVER = 200, 3.0

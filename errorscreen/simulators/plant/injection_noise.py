@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -19,10 +20,14 @@ from errorscreen.data.signals import scatter
 from errorscreen.events import Playback
 from errorscreen.simulators.plant.playback import input_noise
 
-#: seconds in a block of injected noise, and largest number of blocks in a record
-_BLOCK, _MOST_BLOCKS = 0.08, 96
-#: modes that are kept: least size in standard deviations of the noise, and largest number
-_MATTERS, _MOST_MODES = 0.3, 48
+#: seconds in a block of injected noise: shorter than a quarter of any swing's period
+_BLOCK = 0.08
+#: least size of a mode that is kept, in standard deviations of the noise: another raises its variance by half at most
+_MATTERS = 0.7
+#: two blocks act alike if their responses differ by no more, summed up, in standard deviations of the noise
+_ALIKE = 0.2 * _MATTERS
+#: blocks between those that are simulated first
+_APART = 16
 #: least remaining share of a channel's noise where the channel is injected as well
 _LEAST_SHARE = 0.1
 #: the response changes its kind where it changes (rms) by more than this share of its movement and so many times the
@@ -182,14 +187,14 @@ def _propagated(changed: _Run, event: Playback, inputs: _Inputs, channels: tuple
 
 def _modes(
     changed: _Run, event: Playback, inputs: _Inputs, noise: _Array, step: float, threads: int
-) -> _Array:
+) -> NDArray[np.float32]:
     """Slow errors (K, R, L) from the noise and the unknown instants of the injected signals.
 
     White noise over a block of samples acts on slow dynamics like its sum, so each block moves by the standard
     deviation of its sum. Only the change after the block is kept, because `noise` holds that within it.
     """
     length = len(event.time)
-    width = max(1, round(_BLOCK / event.dt), -(-length // _MOST_BLOCKS))
+    width = max(1, round(_BLOCK / event.dt))
 
     # imposed power holds no speed, so that the coarser step alone lets the frequency drift
     coarse = changed(event, step=2 * step) if event.by_power else 0.0
@@ -206,20 +211,62 @@ def _modes(
         early, late = (changed(event, jump=(first, last, early), step=2 * step) for early in (True, False))
         return _ANYWHERE * (early - late)
 
-    calls = [
-        partial(after, name, shape, sigma, first)
-        for name, (shape, sigma) in inputs.items()
-        for first in range(0, length - 1, width)
-    ]
-    calls += [partial(unknown_instant, *jump) for jump in _jumps(event, inputs)]
-    rows = parallel_map(calls, threads)
-    if not rows:
-        return np.zeros((0, len(noise), length))
-    scaled = (np.array(rows) / noise[:, None]).reshape(len(rows), -1)
-    _, S, Vt = np.linalg.svd(scaled, full_matrices=False)
-    keep = min(int((S > _MATTERS).sum()), _MOST_MODES)
-    modes = (S[:keep, None] * Vt[:keep]).reshape(keep, len(noise), length)
-    return np.asarray(modes * noise[:, None])
+    starts = range(0, length - 1, width)
+    jumps = parallel_map([partial(unknown_instant, *jump) for jump in _jumps(event, inputs)], threads)
+    # of a minute at 1 kHz these are the largest arrays of all: six decimals are enough
+    rows = np.zeros((len(inputs) * len(starts) + len(jumps), len(noise), length), dtype=np.float32)
+    for k, (name, (shape, sigma)) in enumerate(inputs.items()):
+        part = rows[k * len(starts) : (k + 1) * len(starts)]
+        _each_block(partial(after, name, shape, sigma), starts, noise, threads, part)
+    for row, jump in zip(rows[len(rows) - len(jumps) :], jumps, strict=True):
+        row[:] = jump / noise[:, None]
+    if not len(rows):
+        return rows
+    scaled = rows.reshape(len(rows), -1)
+    squares, vectors = np.linalg.eigh((scaled @ scaled.T).astype(float))
+    kept = vectors[:, squares > _MATTERS**2].T.astype(np.float32) @ scaled
+    modes = kept.reshape(-1, len(noise), length)
+    modes *= noise[:, None].astype(np.float32)
+    return modes
+
+
+def _each_block(
+    after: Callable[[int], _Array], starts: range, noise: _Array, threads: int, rows: NDArray[np.float32]
+) -> None:
+    """Write the response to each block into zeros, in multiples of the noise.
+
+    Where the unit rests, and where its response has died away, a block acts as one before it, only later: only as many
+    are simulated as show that those between them act alike.
+    """
+    known: set[int] = set()
+
+    def later(i: int, k: int) -> tuple[slice, NDArray[np.float32]]:
+        delay = starts[k] - starts[i]
+        return slice(delay, None), rows[i, :, : rows.shape[2] - delay]
+
+    def alike(i: int, k: int) -> bool:
+        part, expected = later(i, k)
+        return bool(np.linalg.norm(rows[k, :, part] - expected) < _ALIKE)
+
+    ends = [*range(0, len(starts) - 1, _APART), len(starts) - 1]
+    parts = list(pairwise(ends)) or [(0, 0)]
+    while parts:
+        wanted = sorted({k for i, j in parts for k in (i, (i + j) // 2, j)} - known)
+        for k, found in zip(
+            wanted, parallel_map([partial(after, starts[k]) for k in wanted], threads), strict=True
+        ):
+            rows[k] = found / noise[:, None]
+        known.update(wanted)
+        halves = []
+        for i, j in parts:
+            middle = (i + j) // 2
+            if alike(i, middle) and alike(i, j):
+                for k in {*range(i + 1, j)} - {middle}:
+                    part, expected = later(i, k)
+                    rows[k, :, part] = expected
+            else:
+                halves += [part for part in ((i, middle), (middle, j)) if part[1] - part[0] > 1]
+        parts = halves
 
 
 def _late(observation: Observation, part: NDArray[np.bool_]) -> _Array:

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from errorscreen.data.observations import Observation
+from errorscreen.data.recordings import Recording
+from errorscreen.discovery.judge.residual_test import residual_test
 from errorscreen.events import Playback
 from errorscreen.simulators.plant import injection_noise
 from tests.plants import OPERATING_POINT, dip, plant
@@ -206,3 +208,35 @@ def test_held_readings_are_uncertain_by_what_the_channel_did_while_they_were_hel
     size = np.ptp(response[0, jump - 12 : jump + 13])
     assert late[0, jump] == pytest.approx(size / np.sqrt(12), rel=0.05)
     assert not late[:, :40].any()  # more than 0.2 s before
+
+
+def long_record(seed):
+    """Recording of a machine for 40 s whose voltage, angle and powers all hold noise, and its true response."""
+    event, rng = dip(stop=40.0, dt=1 / 30), np.random.default_rng(seed)
+    P, Q = plant("synchronous_machine", event).baseline()
+    channels, noise = {**event.signals, "P": P, "Q": Q}, {"V": 5e-4, "angle": 2e-3, "P": 1e-3, "Q": 1e-3}
+    noisy = {name: x + noise[name] * rng.standard_normal(len(x)) for name, x in channels.items()}
+    options = {"base_mva": 100.0, "f_nominal": 60.0, "event_time": event.start}
+    return Recording.from_arrays(event.time, noisy, **options)
+
+
+def test_noise_that_makes_a_machine_swing_is_noise_in_a_long_record():
+    """Noise of the angle becomes swings of the power. The true parameters leave them, and nothing else."""
+    seen_ones, left = [], []
+    for seed in range(4):
+        simulator = plant("synchronous_machine", long_record(seed))
+        observation = simulator.observe(long_record(seed))
+        z = observation.deviations(simulator.baseline(observation.event))
+        seen_ones.append(observation)
+        left.append(z[observation.mask])
+    assert residual_test(seen_ones, np.concatenate(left)).p_value > 0.05
+
+
+def test_what_noise_does_later_follows_from_what_it_did_before(monkeypatch):
+    recording = long_record(0)
+    simulator = plant("synchronous_machine", recording)
+    sparse = simulator.observe(recording)
+    monkeypatch.setattr(injection_noise, "_APART", 1)  # every block of noise is simulated
+    dense = simulator.observe(recording)
+    deviations = [np.sqrt(np.einsum("krl,krl->rl", o.modes, o.modes)) for o in (sparse, dense)]
+    np.testing.assert_allclose(*deviations, atol=0.05 * np.min(sparse.noise))
