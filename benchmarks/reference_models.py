@@ -21,6 +21,16 @@ ROOT = Path(__file__).resolve().parents[1]
 TABLE = ROOT / "docs" / "tables" / "reference_models.md"
 #: columns of the table, and their names in a unit
 QUANTITIES = {"P": "P", "Q": "Q", "speed": "omega", "Efd": "Efd", "Pm": "Pm", "rotor angle": "delta"}
+#: inner states of OpenIPSL, and their names in a unit. Left out are lags behind a limit, whose states go on beyond it
+#: here, and blocks whose states are others here
+INNER = {
+    "id_pu": "Id", "iq_pu": "Iq", "XadIfd_pu": "If", "Epq_pu": "Eq1", "Epd_pu": "{machine}.Ed1",
+    "psi_kd_pu": "{machine}.psikd", "psi_kq_pu": "{machine}.psikq", "psi_q2_pu": "psi2q", "IEEET1_VC_pu": "IEEET1.Vm",
+    "ESST1A_VA_pu": "ESST1A.VA", "HYGOV_filter_out_pu": "HYGOV.x", "HYGOV_gate_desired_pu": "HYGOV.c",
+    "HYGOV_gate_pu": "HYGOV.g", "HYGOV_flow_pu": "HYGOV.q", "IEEEG1_valve_pu": "IEEEG1.v",
+    "IEEEG1_stage_T4_pu": "IEEEG1.y4", "IEEEG1_stage_T5_pu": "IEEEG1.y5", "IEEEG1_stage_T6_pu": "IEEEG1.y6",
+    "IEEEG1_stage_T7_pu": "IEEEG1.y7",
+}  # fmt: skip
 #: columns of OpenIPSL with what is added to them, and those of PSS/E
 SMIB = {
     "P": ("P_pu", 0), "Q": ("Q_pu", 0), "speed": ("speed_dev_pu", 1), "Efd": ("EFD_pu", 0), "Pm": ("PMECH_pu", 0),
@@ -54,12 +64,17 @@ def row_of_smib(folder):
     device, table = read_dyr(folder / "unit.dyr").unit(), pd.read_csv(folder / "trajectory.csv")
     recorded = {name: table[column].to_numpy() + offset for name, (column, offset) in SMIB.items()}
     start = {"P": recorded["P"][0], "Q": recorded["Q"][0]}
+    machine = device.name.partition("+")[0]
+    inner = {column: name.format(machine=machine) for column, name in INNER.items() if column in table}
     found = play(
-        device, table.time_s, table.V_pu, table.V_angle_rad, start, list(QUANTITIES.values()), f_nominal=50.0,
-        power=table.PMECH_pu[0],
+        device, table.time_s, table.V_pu, table.V_angle_rad, start, [*QUANTITIES.values(), *inner.values()],
+        f_nominal=50.0, power=table.PMECH_pu[0],
     )  # fmt: skip
     errors = {name: rms(found[own] - recorded[name]) for name, own in QUANTITIES.items()}
-    return f"OpenIPSL `{folder.name}`", device.name, *cells(errors, recorded)
+    states = {column: rms(found[own] - table[column].to_numpy()) for column, own in inner.items()}
+    worst = max(states, key=states.get, default=None)
+    told = "" if worst is None else f"{states[worst]:.1e} ({worst.removesuffix('_pu')}, of {len(states)})"
+    return f"OpenIPSL `{folder.name}`", device.name, *cells(errors, recorded), told
 
 
 def row_of_machine(folder, case, file):
@@ -103,10 +118,10 @@ def main(data):
         if row is None or not path.is_dir():
             print(f"skipped: {path} is missing")
             continue
-        rows.append(row())
+        rows.append((*row(), "")[: len(QUANTITIES) + 3])
         print(*rows[-1], sep=" | ", flush=True)
     if rows:
-        titles = ("case", "unit", *QUANTITIES)
+        titles = ("case", "unit", *QUANTITIES, "inner states, the worst")
         write_text_atomic(TABLE, "\n".join(table_lines(titles, rows)) + "\n")
 
 
