@@ -290,7 +290,7 @@ def _left(finder: CauseFinder) -> list[float | None]:
     """Smallest share of the excess of the parameters' fit that one effect leaves, that two leave, and so on."""
     whole = finder.residual_tests_["parameters"].excess
     out: list[float | None] = []
-    for number in range(1, finder.max_effects + 1):
+    for number in range(1, finder.max_effects_ + 1):
         left = [finder.residual_tests_[h.name].excess for h in finder.hypotheses_ if len(h.effects) == number]
         out.append(min(left) / whole if left and whole > 0 else None)
     return out

@@ -306,7 +306,12 @@ class DiscoverySection(Section):
     effects: Annotated[list[str], Field(min_length=1), AfterValidator(each_once)] | None = setting(
         None, "effects to try; all of the library if not given"
     )
-    max_effects: int = setting(2, "largest number of effects that are named together", ge=1, le=3)
+    max_effects: int | None = setting(
+        None,
+        "largest number of effects that are named together; 3 for a machine of a DYR file, else 2",
+        ge=1,
+        le=3,
+    )
     fits: Count = setting(6, "effects whose joint fit goes on to the end")
     draws: int = setting(128, "draws of an effect's parameters in each round of its signature", ge=8)
     significance: float = setting(

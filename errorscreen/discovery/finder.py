@@ -64,8 +64,8 @@ class CauseFinder(BaseEstimator):
         Names of the effects to try; all of the simulator's where not given. An effect that belongs to one recording
         (`Effect.event_specific`) is tried in each of them by itself, and is off in others; the names of their
         events tell recordings apart.
-    max_effects : int, default 2
-        Largest number of effects that are named together.
+    max_effects : int, optional
+        Largest number of effects that are named together; `Simulator.usual_effects` where not given.
     n_fits : int, default 6
         Effects whose joint fit goes on to the end: those that get furthest in a few iterations.
     n_draws : int, default 128
@@ -114,6 +114,8 @@ class CauseFinder(BaseEstimator):
         The simulator without effects at its fitted values.
     placebo_ : Hypothesis or None
         A wrong effect that was fitted, to compare a gain with.
+    max_effects_ : int
+        Largest number of effects that were named together.
     n_simulations_ : int
         Those of part of a recording count like whole ones. Runs that propagate the noise of injected signals are not
         counted: some hundred for each recording and model that comes near to noise.
@@ -133,7 +135,7 @@ class CauseFinder(BaseEstimator):
         simulator: Simulator,
         effects: Sequence[str] | None = None,
         *,
-        max_effects: int = 2,
+        max_effects: int | None = None,
         n_fits: int = 6,
         n_draws: int = 128,
         significance: float = 0.002,
@@ -189,7 +191,7 @@ class CauseFinder(BaseEstimator):
         first = parameters_only(problem, [*self.calibrator_.values_.values()], best["state"])
         search = ModelSearch(
             first,
-            max_effects=self.max_effects,
+            max_effects=self.max_effects_,
             n_fits=self.n_fits,
             n_draws=self.n_draws,
             significance=self.significance,
@@ -201,7 +203,7 @@ class CauseFinder(BaseEstimator):
         test = residual_test(observations, np.concatenate(z), random_state=self._seed)
         nothing = test.p_value > self.significance
         self.tried_: tuple[str, ...] = ()
-        if self.max_effects and not nothing:
+        if self.max_effects_ and not nothing:
             self.tried_ = tuple(effect.name for effect in library)
             search.run(library)
         elif not nothing:
@@ -323,7 +325,8 @@ class CauseFinder(BaseEstimator):
 
     def _check(self) -> None:
         """Refuse arguments that cannot be used."""
-        check_integer(self.max_effects, "max_effects", low=0)
+        most = self.simulator.usual_effects if self.max_effects is None else self.max_effects
+        self.max_effects_ = check_integer(most, "max_effects", low=0)
         for name in ("n_fits", "n_draws", "n_starts", "library_size"):
             check_integer(getattr(self, name), name)
         check_real(self.significance, "significance", low=_LEAST, high=1.0)
@@ -347,7 +350,7 @@ class CauseFinder(BaseEstimator):
         chosen = [effect.name for effect in self.simulator.effects_named(self.effects)]
         if len(set(chosen)) < len(chosen):
             raise InputError(f"effects holds one twice: {', '.join(chosen)}", allowed="each effect once")
-        if not chosen and self.max_effects:
+        if not chosen and self.max_effects_:
             raise InputError("the list of effects is empty", allowed="at least one effect, or max_effects=0")
         return tuple(chosen)
 
@@ -355,7 +358,7 @@ class CauseFinder(BaseEstimator):
         """Finished parts of this very search."""
         if self.checkpoint is None:
             return Journal()
-        arguments = (self.max_effects, self.n_fits, self.n_draws, self.significance)
+        arguments = (self.max_effects_, self.n_fits, self.n_draws, self.significance)
         fingerprint = {
             "program": program(),
             "simulator": digest(type(self.simulator).__name__, self.simulator.settings()),

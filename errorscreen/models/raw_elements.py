@@ -64,7 +64,10 @@ class RawShunt(NamedTuple):
 
 
 class RawGenerator(NamedTuple):
-    """Generator: power in MVA, base in MVA, and in pu of that base its source impedance and its step-up transformer."""
+    """Generator: power in MVA, base in MVA, and in pu of that base its source impedance and its step-up transformer.
+
+    `base_load` is the flag BASLOD of revision 35. 1: the governor only lowers the power, 2: it does not act.
+    """
 
     bus: int
     id: str
@@ -75,6 +78,7 @@ class RawGenerator(NamedTuple):
     step_up: complex
     tap: float
     line: int
+    base_load: int = 0
 
 
 class RawBranch(NamedTuple):
@@ -168,6 +172,7 @@ def generator_of(rows: list[Row], base_mva: float) -> RawGenerator:
         complex(row.number("RT", 0.0), row.number("XT", 0.0)),
         tap,
         row.line,
+        row.whole("BASLOD", 0, (0, 1, 2)) if "BASLOD" in row.names else 0,
     )
 
 

@@ -134,6 +134,8 @@ class Simulator(ABC):
         Added effects.
     event : Event
         Default event of `simulate`.
+    usual_effects : int
+        Number of effects that a search names together at most where nobody states it.
     """
 
     parameters: ParameterSpace
@@ -142,6 +144,7 @@ class Simulator(ABC):
     effects: tuple[Effect, ...] = ()
     extensions: tuple[Effect, ...] = ()
     event: Event
+    usual_effects: int = 2
 
     @property
     def movable(self) -> tuple[str, ...]:

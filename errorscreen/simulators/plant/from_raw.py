@@ -371,6 +371,13 @@ def _notes(
             f"The {len(units)} equal units {', '.join(repr(one.id) for one in units)} at bus {first.bus} count as one "
             f"of {base:g} MVA."
         )
+    if first.base_load:
+        acts = "only lowers the power" if first.base_load == 1 else "does not act"
+        yield (
+            f"BASLOD of {unit.lower()} is {first.base_load}: the RAW file says base loaded, its governor {acts}. "
+            "A governor of the DYR file acts here all the same; if the recording shows none, leave it out, or let the "
+            "search find governor_acting."
+        )
     yield (
         f"The terminal lies behind R + jX = {connection.resistance:.4g} + j{connection.reactance:.4g} pu on {base:g} "
         f"MVA and the ratio {connection.tap:.5g}, with a shunt of {connection.conductance:.3g} + "

@@ -156,6 +156,8 @@ class PlantSimulator(Simulator):
                 "size": 1.0,
             }
         self.effects = effects_in(device, effects, self._behind, recording)
+        if "machine unit" in device.tags:  # exciter, stabiliser and governor may all be missing
+            self.usual_effects = 3
         self._off = assembly.switched_off(self.effects)
         self.step, self.dt = step, dt
         self.operating_point = dict(operating_point or {})

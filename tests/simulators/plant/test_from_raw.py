@@ -90,6 +90,17 @@ def test_the_step_up_transformer_of_the_generators_record():
     assert "The step-up transformer of the generator's record, 0.004 + j0.12 pu on 200 MVA" in found.notes[1]
 
 
+def test_a_base_loaded_unit_is_told():
+    whole = NETWORK["GENERATOR"][35]
+    told = plant(raw_text(35, GENERATOR=whole.replace("180.0,0.0,0,1,1.0", "180.0,0.0,2,1,1.0"))).notes
+    assert any(
+        "BASLOD of unit '1' at bus 1 is 2" in note and "governor does not act" in note for note in told
+    )
+    assert not any("BASLOD" in note for note in plant(raw_text(35)).notes)
+    with pytest.raises(InputError, match=r"BASLOD is 3.*0, 1, 2"):
+        plant(raw_text(35, GENERATOR=whole.replace("180.0,0.0,0,1,1.0", "180.0,0.0,3,1,1.0")))
+
+
 def test_equal_units_count_as_one():
     units = "\n".join(f" 1,'{id}',75,10,40,-40,1.02,0,100.0,0.003,0.25,0.002,0.1,1.0,{on}" for id, on in
                       (("1", 1), ("2", 1), ("3", 0)))  # fmt: skip

@@ -9,9 +9,11 @@ from errorscreen.data.observations import Observation
 from errorscreen.events import Event, Playback
 from errorscreen.exceptions import InputError
 from errorscreen.models import DEVICES
+from errorscreen.models.machines.round_rotor import GENROU
+from errorscreen.models.unit import Record, unit
 from errorscreen.simulators import PlantSimulator
 from errorscreen.simulators.plant import injection_noise
-from tests.plants import DEVICE_NAMES, OPERATING_POINT, dip, plant, random_rows
+from tests.plants import DEVICE_NAMES, OPERATING_POINT, dip, flat, plant, random_rows
 
 
 def test_unknown_names_are_answered_with_the_nearest():
@@ -205,3 +207,9 @@ def test_a_common_skew_makes_every_channel_late():
     each = base.extend("skew_P").extend("skew_Q").simulate([*theta, 0.04, 0.04]).values
     assert np.array_equal(together, each)
     assert np.abs(together - base.simulate(theta).values).max() > 0.01
+
+
+def test_a_machine_of_a_model_file_may_lack_three_parts():
+    """Exciter, stabiliser and governor."""
+    standard = plant(unit([Record(GENROU, {})]), flat(), effects=())
+    assert (standard.usual_effects, plant("synchronous_machine", flat()).usual_effects) == (3, 2)
