@@ -20,12 +20,13 @@ from errorscreen.data.signals import scatter
 from errorscreen.events import Playback
 from errorscreen.simulators.plant.playback import input_noise
 
-#: seconds in a block of injected noise: shorter than a quarter of any swing's period
-_BLOCK = 0.08
-#: least size of a mode that is kept, in standard deviations of the noise: another raises its variance by half at most
-_MATTERS = 0.7
+#: seconds in a block of injected noise, shorter than a quarter of any swing's period, and its fewest samples: what
+#: acts within them is no slow error
+_BLOCK, _FEWEST = 0.08, 3
+#: least size of a mode that is kept, in standard deviations of the noise: others raise its variance by a tenth at most
+_MATTERS = 0.3
 #: two blocks act alike if their responses differ by no more, summed up, in standard deviations of the noise
-_ALIKE = 0.2 * _MATTERS
+_ALIKE = 0.3 * _MATTERS
 #: blocks between those that are simulated first
 _APART = 16
 #: least remaining share of a channel's noise where the channel is injected as well
@@ -194,7 +195,7 @@ def _modes(
     deviation of its sum. Only the change after the block is kept, because `noise` holds that within it.
     """
     length = len(event.time)
-    width = max(1, round(_BLOCK / event.dt))
+    width = max(_FEWEST, round(_BLOCK / event.dt))
 
     # imposed power holds no speed, so that the coarser step alone lets the frequency drift
     coarse = changed(event, step=2 * step) if event.by_power else 0.0
