@@ -122,9 +122,8 @@ class Observation(Displayed):
         if not len(B):
             return np.zeros((self.values.size, 0)), np.zeros(0)
         B = B.reshape(len(B), -1).T
-        squares, V = np.linalg.eigh(
-            B.T @ B
-        )  # K is small beside R L, so that this is faster than the svd of B
+        # K is small beside R L, so that this is faster than the svd of B
+        squares, V = np.linalg.eigh(B.T @ B)
         known = squares > 1e-12 * squares[-1]
         squares, V = squares[known], V[:, known]
         return B @ (V / np.sqrt(squares)), 1.0 - 1.0 / np.sqrt(1.0 + squares)
