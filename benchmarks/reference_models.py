@@ -92,7 +92,7 @@ def row_of_machine(folder, case, file):
     names = {name: QUANTITIES[name] for name in recorded}
     run = simulate(device, network, start, [*names.values()], 0.005)
     errors = beside(recorded, table.time.to_numpy(), names, *run)
-    return f"PSS/E `{case}`", device.name, *cells(errors, recorded)
+    return f"PSS/E `{case}`", device.name, *cells(errors, recorded), ""
 
 
 def row_of_renewable(folder, case, file):
@@ -103,7 +103,7 @@ def row_of_renewable(folder, case, file):
     start = {"P": table.P[0], "Q": table.Q[0]}
     found = play(device, time, V, 0.0 * V, start, ["P", "Q"], f_nominal=60.0)
     errors = {name: rms(np.delete(found[name], trip) - table[name]) for name in "PQ"}
-    return f"PSS/E `{case}`", device.name, *cells(errors, {name: table[name].to_numpy() for name in "PQ"})
+    return f"PSS/E `{case}`", device.name, *cells(errors, {name: table[name].to_numpy() for name in "PQ"}), ""
 
 
 def main(data):
@@ -118,7 +118,7 @@ def main(data):
         if row is None or not path.is_dir():
             print(f"skipped: {path} is missing")
             continue
-        rows.append((*row(), "")[: len(QUANTITIES) + 3])
+        rows.append(row())
         print(*rows[-1], sep=" | ", flush=True)
     if rows:
         titles = ("case", "unit", *QUANTITIES, "inner states, the worst")

@@ -179,7 +179,8 @@ class CauseFinder(BaseEstimator):
         started = perf_counter()
         self._check()
         observations = as_observations(self.simulator, X)
-        self.max_effects_ = self.simulator.usual_effects if self.max_effects is None else self.max_effects
+        most = self.simulator.usual_effects if self.max_effects is None else self.max_effects
+        self.max_effects_ = check_integer(most, "max_effects", low=0)
         library = candidates(self.simulator, observations, self._names())
         self._seed = int(generator(self.random_state).integers(2**31))
         _log.info("fit of all parameters")
@@ -326,8 +327,6 @@ class CauseFinder(BaseEstimator):
 
     def _check(self) -> None:
         """Refuse arguments that cannot be used."""
-        if self.max_effects is not None:
-            check_integer(self.max_effects, "max_effects", low=0)
         for name in ("n_fits", "n_draws", "n_starts", "library_size"):
             check_integer(getattr(self, name), name)
         check_real(self.significance, "significance", low=_LEAST, high=1.0)

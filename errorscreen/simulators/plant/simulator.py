@@ -150,11 +150,8 @@ class PlantSimulator(Simulator):
         if connection is not None:
             self.constants |= connection.constants
         if self._behind:
-            self.constants |= {
-                "R_grid": self.grid_impedance.real,
-                "X_grid": self.grid_impedance.imag,
-                "size": 1.0,
-            }
+            grid = self.grid_impedance
+            self.constants |= {"R_grid": grid.real, "X_grid": grid.imag, "size": 1.0}
         self.effects = effects_in(device, effects, self._behind, recording)
         if "machine unit" in device.tags:  # exciter, stabiliser and governor may all be missing
             self.usual_effects = 3
