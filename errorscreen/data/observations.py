@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+#: values of one slow error that are prepared at once
+_AT_ONCE = 2**13
+
 
 @dataclass(frozen=True)
 class Observation(Displayed):
@@ -115,18 +118,29 @@ class Observation(Displayed):
         offsets = np.zeros((len(stds), *self.values.shape))
         for r, std in enumerate(stds):
             offsets[r, r, self.time >= self.event.start - 1e-9] = std
-        columns = [offsets[stds > 0]] if self.modes is None else [np.asarray(self.modes), offsets[stds > 0]]
-        B = np.concatenate(columns)
-        B /= self.sigma
-        B[:, ~self.mask] = 0.0
-        if not len(B):
-            return np.zeros((self.values.size, 0)), np.zeros(0)
-        B = B.reshape(len(B), -1).T
-        # K is small beside R L, so that this is faster than the svd of B
-        squares, V = np.linalg.eigh(B.T @ B)
+        rows = [offsets[stds > 0]] if self.modes is None else [np.asarray(self.modes), offsets[stds > 0]]
+        count, size = sum(map(len, rows)), self.values.size
+        rows = [r.reshape(len(r), size) for r in rows]
+        if not count:
+            return np.zeros((size, 0)), np.zeros(0)
+        inverse = np.where(self.mask, 1.0 / self.sigma, 0.0).ravel()
+
+        def scaled(first: int) -> NDArray[np.float64]:
+            part = slice(first, first + _AT_ONCE)
+            return np.concatenate([r[:, part] for r in rows]).T * inverse[part, None]
+
+        # K is small beside R L, so that this is faster than an svd. Of a minute at 1 kHz, B would be the largest array
+        # beside U: it is built in parts, twice
+        starts, gram = range(0, size, _AT_ONCE), np.zeros((count, count))
+        for B in map(scaled, starts):
+            gram += B.T @ B
+        squares, V = np.linalg.eigh(gram)
         known = squares > 1e-12 * squares[-1]
         squares, V = squares[known], V[:, known]
-        return B @ (V / np.sqrt(squares)), 1.0 - 1.0 / np.sqrt(1.0 + squares)
+        U = np.empty((size, len(squares)))
+        for first in starts:
+            U[first : first + _AT_ONCE] = scaled(first) @ (V / np.sqrt(squares))
+        return U, 1.0 - 1.0 / np.sqrt(1.0 + squares)
 
     def first(self, samples: int) -> Observation:
         """Return the observation at the first instants of the time axis, each time the same object.

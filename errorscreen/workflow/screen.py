@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 
@@ -28,8 +29,9 @@ def screen(method: str, study: Study, folder: Path, progress: bool) -> Screening
     start, simulator, section, run = perf_counter(), study.simulator, study.screening, study.run
     kind, searched = SCREENERS[method], 0
     if kind.trains:
-        # errors far below the noise do not change a ranking, so the training errors take a longer step
-        problem = FitProblem(simulator, study.observation)
+        # errors far below the noise do not change a ranking, so the training errors take a longer step; the noise of
+        # single samples judges that, because slow errors of a long recording need much memory
+        problem = FitProblem(simulator, replace(study.observation, modes=None))
         step = rough_step(problem, np.zeros(len(problem.names)), run.random_state)
         simulator, searched = problem.with_step(step).simulator, problem.n_simulations
     screener = kind.from_case(simulator, section, run, folder, progress).fit(study.observation)
