@@ -17,6 +17,7 @@ from errorscreen.effects.excitation_limiters import (
 )
 from errorscreen.effects.exciter import EXCITER, UNIT_EXCITER
 from errorscreen.effects.forced_oscillation import forced_oscillation
+from errorscreen.effects.gas_governor import GAS_GOVERNOR
 from errorscreen.effects.governor import GOVERNOR, STEAM_GOVERNOR
 from errorscreen.effects.governor_dead_band import GOVERNOR_DEAD_BAND
 from errorscreen.effects.hydro_governor import HYDRO_GOVERNOR
@@ -64,6 +65,7 @@ EFFECTS: Registry[Effect] = Registry(
         "governor": GOVERNOR,
         "hydro_governor": HYDRO_GOVERNOR,
         "steam_governor": STEAM_GOVERNOR,
+        "gas_governor": GAS_GOVERNOR,
         "governor_acting": GOVERNOR_ACTING,
         "governor_dead_band": GOVERNOR_DEAD_BAND,
         "lag_active": ACTIVE_CURRENT_LAG,

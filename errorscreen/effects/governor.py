@@ -31,6 +31,9 @@ from errorscreen.engine.vmath import clip, hold_at_limits
 _P_MAX = 1.2
 #: pu/s: limit of a gate's rate that is not reached
 _FREE_RATE = 10.0
+#: pu: least dead band that matters. It is drawn in the logarithm from there, because a fit that begins with a wide one
+#: and a high gain ends in a wrong minimum.
+SMALLEST_DEAD_BAND = 2e-5
 
 
 def tgov1(
@@ -100,6 +103,7 @@ GOVERNOR = Effect(
         value("T2_T3", 0.3, 0.0, 1.0, "", "governor", "T_2/T_3", "share of the power without reheat delay"),
         value("T3", 5.0, 0.5, 12.0, "s", "governor", "T_3", "time constant of the turbine"),
     ),
+    smallest={"db": SMALLEST_DEAD_BAND},
     states=("g", "x"),
     formula="Pm = Pm0 + (1 + s T2) / (1 + s T3) · 1 / (1 + s T1) · K · (−db(ω − 1)), 0 ≤ Pm ≤ 1.2 pu",
     description="The governor lowers the mechanical power when the speed rises. A model with constant mechanical power "

@@ -14,6 +14,7 @@ from __future__ import annotations
 from typing import Any
 
 from errorscreen.effects.base import Effect, Values, strength
+from errorscreen.effects.governor import SMALLEST_DEAD_BAND
 from errorscreen.engine.vmath import clip
 
 
@@ -36,7 +37,7 @@ GOVERNOR_DEAD_BAND = Effect(
     parameters=(strength("d", 6e-4, 0.01, "pu", "governor", "d", "half width of the dead band; 0: none"),),
     derived=("w0",),
     initialise=_start,
-    smallest={"d": 2e-5},
+    smallest={"d": SMALLEST_DEAD_BAND},
     formula="Δω* = Δω − [Δω] within −d, d",
     description="The governor does not answer to small deviations of the speed: a dead band that the record does not "
     "state, or has no place for. After a small event the mechanical power stays where it was.",

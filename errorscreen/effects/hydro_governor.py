@@ -21,6 +21,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from errorscreen.effects.base import Effect, strength, value
+from errorscreen.effects.governor import SMALLEST_DEAD_BAND
 from errorscreen.engine.vmath import clip, hold_at_limits
 
 _P_MAX = 1.2
@@ -84,6 +85,7 @@ HYDRO_GOVERNOR = Effect(
         value("TW", 1.0, 0.5, 4.0, "s", "governor", "T_W", "water starting time"),
         value("db", 0.0006, 0.0, 0.004, "pu", "governor", "d", "half width of the dead band of speed"),
     ),
+    smallest={"db": SMALLEST_DEAD_BAND},
     states=("x", "g", "w"),
     formula="Pm = Pm0 + (1 − s TW) / (1 + s TW / 2) · 1 / (1 + s TG) · K (1 + s TR) / (s TR) · (−db(ω − 1) − R c), "
     "0 ≤ Pm ≤ 1.2 pu",

@@ -60,7 +60,7 @@ def test_the_droop_is_named_by_one_step_too_which_leaves_the_dead_band_open():
     assert not finder.causes_[0].exact
     parameters = finder.causes_[0].values
     assert 0.2 < parameters["volt_var.R"][0] < 0.33
-    # both steps tell 0.0155 to a tenth, and the centre of the band as well
+    # both steps tell 0.0155, and the centre of the band, to a tenth of their size
     _, low, high = parameters["volt_var.db"]
     assert low < 0.0155 < high
     assert high - low > 0.01

@@ -179,5 +179,5 @@ def test_nothing_is_missing_or_unknown_where_a_record_drives():
     everything = names()
     assert everything >= {"exciter", "stabiliser", "governor", "latent_Efd", "latent_Pm", "saturation"}
     assert everything - names("Efd") == {"exciter", "stabiliser", "latent_Efd"}
-    assert not names("Efd", "Pm") & {"governor", "latent_Pm", "oscillation", "hydro_governor"}
+    assert not names("Efd", "Pm") & {"governor", "latent_Pm", "oscillation", "hydro_governor", "gas_governor"}
     assert "governor_acting" not in names("Pm", names=("GENSAL", "HYGOV"))
