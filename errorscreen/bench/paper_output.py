@@ -73,7 +73,7 @@ def figures(table: _Table, setting: Setting, step_errors: dict[str, _Array], sho
     simulator, event = setting.simulator, setting.events[FIT_EVENTS[0]]
     observation = hidden(setting, shown, step_errors, FIT_EVENTS[:1]).observations[event.name]
     before = simulator.baseline(event)
-    cwt = CWTTransformer(sampling_period=event.dt, energy="linear", precision=15)
+    cwt = CWTTransformer(sampling_period=event.dt, energy="linear")
     energy = cwt.fit_transform((observation.values - before)[None])[0]
     image = plot_error_images(
         {"measured - simulated": energy}, cwt.frequencies_, cwt.times_, simulator.channels,

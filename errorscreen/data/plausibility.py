@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from errorscreen.data.signals import within
 from errorscreen.data.timestamps import SECONDS, units_of_step
 from errorscreen.exceptions import DataWarning
 
@@ -210,7 +211,7 @@ def _frequency(f: float, f_nominal: float) -> Iterator[str]:
 
 def _turning(time: _Array, angle: _Array, quiet: tuple[float, float]) -> Iterator[str]:
     """An angle that turns too fast before the event, which the frequency of a grid does not."""
-    part = (time >= quiet[0]) & (time <= quiet[1]) & np.isfinite(angle)
+    part = within(time, quiet) & np.isfinite(angle)
     if part.sum() < 3:
         return
     hertz = float(np.polyfit(time[part] - time[part][0], angle[part], 1)[0]) / (2 * np.pi)

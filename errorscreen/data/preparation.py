@@ -1,15 +1,17 @@
-"""Event, quiet part, held readings and noise of a new recording."""
+"""Event, quiet part, held readings and noise of a new recording, and its channels on another grid."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
+from dataclasses import replace
 from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
 
-from errorscreen.data import moves, signals
+from errorscreen.data import moves, resampling, signals
+from errorscreen.data.channels import Channel
 from errorscreen.exceptions import DataWarning, InputError, check_real
 
 _Array = NDArray[np.float64]
@@ -255,3 +257,22 @@ def noise_of_signal(name: str, time: _Array, values: _Array, start: float) -> tu
         f"The noise of {name} was taken as {noise:.2g}, from differences between readings; a fast signal gives too "
         "much. Errors below the noise are not seen, so state the noise where it is known."
     )
+
+
+def resampled(
+    channel: Channel,
+    source: _Array,
+    grid: _Array,
+    quiet: tuple[float, float],
+    max_gap: float | None,
+    notes: list[str],
+) -> Channel:
+    """Channel of readings at the instants `source`, on a grid; its noise is less where a filter takes part of it."""
+    values = resampling.interpolate(source, channel.values, grid, max_gap=max_gap)
+    noise, step = channel.noise, float(np.median(np.diff(grid)))
+    if resampling.low_pass_needed(step, resampling.spacing(source, channel.values)):
+        notes.append(f"{channel.name} was low-pass filtered before it was sampled every {step:g} s.")
+        readings = np.isfinite(values[signals.within(grid, quiet)]).sum()
+        if readings >= signals.MIN_QUIET and not channel.fixed:
+            noise = min(noise, signals.estimate_noise(grid, values, quiet))
+    return replace(channel, values=values, noise=noise)

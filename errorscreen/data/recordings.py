@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-_Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True, eq=False)
 class Recording(Displayed):
@@ -248,7 +246,7 @@ class Recording(Displayed):
         InputError
             If a channel is neither measured before the event nor given.
         """
-        part, means = self._is_quiet(self.time), {}
+        part, means = signals.within(self.time, self.quiet), {}
         for name in names:
             if name in self.given and name not in self.channels:
                 means[name] = float(self.given[name])
@@ -262,9 +260,6 @@ class Recording(Displayed):
                 )
             means[name] = float(np.nanmean(quiet))
         return means
-
-    def _is_quiet(self, time: NDArray[np.float64]) -> NDArray[np.bool_]:
-        return (time >= self.quiet[0]) & (time <= self.quiet[1])
 
     def window(self, start: float | None = None, stop: float | None = None) -> Recording:
         """Cut to the samples from `start` to `stop` seconds, both included; event and noise stay the same.
@@ -281,7 +276,7 @@ class Recording(Displayed):
         keep = preparation.in_window(self.time, start, stop, where)
         time = self.time[keep]
         quiet = (max(self.quiet[0], float(time[0])), self.quiet[1])
-        left = int(np.sum(self._is_quiet(time)))
+        left = int(np.sum(signals.within(time, self.quiet)))
         if left < signals.MIN_QUIET:
             raise InputError(
                 f"the window leaves {left} quiet samples before the event at {self.event_time:g} s",
@@ -332,22 +327,10 @@ class Recording(Displayed):
         channels = {}
         for name, channel in self.channels.items():
             source = self.time + shift.get(name, 0.0)
-            channels[name] = self._resampled(channel, source, grid, max_gap, notes)
+            channels[name] = preparation.resampled(channel, source, grid, self.quiet, max_gap, notes)
         quiet = (self.quiet[0] + late, self.quiet[1] + early)  # quiet for shifted and other channels alike
         notes = [*self.assumptions, *notes]
         return replace(self, time=grid, channels=channels, quiet=quiet, assumptions=tuple(notes))
-
-    def _resampled(
-        self, channel: Channel, source: _Array, grid: _Array, max_gap: float | None, notes: list[str]
-    ) -> Channel:
-        values = resampling.interpolate(source, channel.values, grid, max_gap=max_gap)
-        noise, step = channel.noise, float(np.median(np.diff(grid)))
-        if resampling.low_pass_needed(step, resampling.spacing(source, channel.values)):
-            notes.append(f"{channel.name} was low-pass filtered before it was sampled every {step:g} s.")
-            readings = np.isfinite(values[self._is_quiet(grid)]).sum()
-            if readings >= signals.MIN_QUIET and not channel.fixed:  # the filter took part of the noise
-                noise = min(noise, signals.estimate_noise(grid, values, self.quiet))
-        return replace(channel, values=values, noise=noise)
 
     def to_frame(self) -> pd.DataFrame:
         """Table of all channels, indexed by time in seconds."""

@@ -21,6 +21,17 @@ def _measured(values: ArrayLike) -> _Array:
     return x if known.all() else x[known]
 
 
+def within(time: _Array, interval: tuple[float, float]) -> NDArray[np.bool_]:
+    """Mask of the instants (L,) from the first to the last of an interval, both included.
+
+    Examples
+    --------
+    >>> within(np.array([0.0, 1.0, 2.0]), (0.5, 2.0))
+    array([False,  True,  True])
+    """
+    return (time >= interval[0]) & (time <= interval[1])
+
+
 def quantisation_step(values: ArrayLike) -> float:
     """Smallest distance between two different readings, 0 where all readings agree.
 
@@ -146,7 +157,7 @@ def quiet_noise(
 ) -> tuple[float, bool]:
     """As `estimate_noise`, and whether it is what the readings scatter by, and not the least noise of the channel."""
     t, x = np.asarray(time, dtype=float), np.asarray(values, dtype=float)
-    part = (t >= quiet[0]) & (t <= quiet[1])
+    part = within(t, quiet)
     count = int(np.isfinite(x[part]).sum())
     if count < MIN_QUIET:
         raise InputError(

@@ -34,7 +34,7 @@ from errorscreen.effects.base import Effect
 from errorscreen.events import Event
 from errorscreen.exceptions import InputError, check_integer, check_real
 from errorscreen.simulators.base import Simulator
-from errorscreen.simulators.observations import as_observations, with_initial_states
+from errorscreen.simulators.observations import as_observations, held_out_observations, with_initial_states
 from errorscreen.simulators.user_functions import identity
 
 if TYPE_CHECKING:
@@ -264,7 +264,9 @@ class CauseFinder(BaseEstimator):
             If one of the recordings was fitted.
         """
         check_is_fitted(self, "diagnosis_")
-        return self._findings.confirmed(self.diagnosis_, self._others(held_out))
+        return self._findings.confirmed(
+            self.diagnosis_, held_out_observations(self.simulator, held_out, self._findings.observations)
+        )
 
     def measure_gain(self, held_out: Any) -> Gain:
         """Gain of the extended simulator on recordings that were not fitted.
@@ -282,7 +284,9 @@ class CauseFinder(BaseEstimator):
             If one of the recordings was fitted.
         """
         check_is_fitted(self, "diagnosis_")
-        return self._findings.gain(self._others(held_out))
+        return self._findings.gain(
+            held_out_observations(self.simulator, held_out, self._findings.observations)
+        )
 
     def predict(self, event: Any = None) -> _Array:
         """Response (R, L) of the extended simulator to an event, or to that of a recording."""
@@ -387,16 +391,3 @@ class CauseFinder(BaseEstimator):
             level=self.level,
             random_state=self._seed,
         ).fit(list(observations))
-
-    def _others(self, held_out: Any) -> list[Observation]:
-        """Recordings as observations, if none of them was fitted."""
-        others = as_observations(self.simulator, held_out)
-        for other in others:
-            if any(
-                np.array_equal(other.values, o.values, equal_nan=True) for o in self._findings.observations
-            ):
-                raise InputError(
-                    f"the recording {other.event.name!r} is held out and was fitted: it confirms nothing",
-                    allowed="recordings that were not fitted",
-                )
-        return others

@@ -19,7 +19,6 @@ from errorscreen.features.checks import (
     split_channels,
 )
 from errorscreen.features.filterbank import (
-    PRECISION,
     FilterBank,
     central_frequency,
     effective_radius,
@@ -61,9 +60,10 @@ class CWTTransformer(StackTransformer):
         that the contributions of several parameters add up.
     output : {"images", "flat"}, default "images"
         (n, C, H, W), or one row of C·H·W values for each sample, for estimators that read tables.
-    precision : int, default 12
-        The mother wavelet is sampled on 2**precision points, as in `pywt.cwt`. A row whose wavelet lasts longer than
-        that many samples of the signal is slightly ragged; 15 smoothes it at no cost in speed.
+    precision : int, optional
+        Take the coefficients of `pywt.cwt`, which samples the mother wavelet on 2**precision points: where these are
+        further apart than the samples of the signal, rows of low frequency answer to tones of high frequency, and every
+        row is half a sample late. Where not given, the wavelet is integrated over each sample.
     dtype : {"float32", "float64"}, default "float32"
         Precision of transform and result.
     n_channels : int, optional
@@ -96,10 +96,10 @@ class CWTTransformer(StackTransformer):
 
     Notes
     -----
-    Coefficients equal those of `pywt.cwt`, with its sign and normalisation (:math:`a^{-1/2}` with a in samples). The
-    signal counts as zero outside the record. Energy is :math:`E_r(a, b) = |W_r(a, b)|^2` (7). A column stands for the
-    W-th part of the record and holds the mean energy of that part. This conserves the total energy; where there are
-    fewer samples than columns, it repeats them (8).
+    Coefficients have the sign and normalisation of `pywt.cwt` (:math:`a^{-1/2}` with a in samples). The signal counts
+    as zero outside the record. Energy is :math:`E_r(a, b) = |W_r(a, b)|^2` (7). A column stands for the W-th part of
+    the record and holds the mean energy of that part. This conserves the total energy; where there are fewer samples
+    than columns, it repeats them (8).
 
     Examples
     --------
@@ -127,7 +127,7 @@ class CWTTransformer(StackTransformer):
         floor: float = 1e-3,
         signed: bool | str = False,
         output: str = "images",
-        precision: int = PRECISION,
+        precision: int | None = None,
         dtype: str = "float32",
         n_channels: int | None = None,
         n_jobs: int | None = None,
@@ -241,7 +241,8 @@ class CWTTransformer(StackTransformer):
         check_choice("dtype", self.dtype, ("float32", "float64"), name)
         check_integer(self.n_frequencies, "n_frequencies")
         check_integer(self.n_columns, "n_columns")
-        check_integer(self.precision, "precision", low=8, high=20)
+        if self.precision is not None:
+            check_integer(self.precision, "precision", low=8, high=20)
         check_real(self.sampling_period, "sampling_period", low=0, above=True)
         check_real(self.floor, "floor", low=0, above=True)
 

@@ -1,22 +1,30 @@
-"""Continuous wavelet transform of many signals at once, equal to `pywt.cwt`.
+r"""Continuous wavelet transform of many signals at once.
 
-`pywt.cwt` convolves the signal with the integral of the wavelet and differentiates. Both are linear, so each scale is
-one filter, built once and applied by FFT.
+Each scale is one filter, built once and applied by FFT. Its taps are means of the wavelet over one sample each,
+
+.. math:: h_d = \frac1{\sqrt a}\int_{-d-1/2}^{-d+1/2} \psi^*(s/a)\,ds                                  \qquad (6a)
+
+with the integral of a spline through the wavelet. `pywt.cwt` has the same integral as a table of 2**precision points
+and takes the nearest one below. Where a sample of the signal is shorter than the table's step, its taps repeat, so that
+a row of low frequency answers to a tone of high frequency as well; and it is half a sample late. With `precision`
+stated, the filters are those of `pywt.cwt`.
 """
 
 from __future__ import annotations
 
 import warnings
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pywt
 import scipy.fft
 from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicSpline
 
 from errorscreen.exceptions import InputError
 
-# pywt.cwt's own default: the mother wavelet is sampled on 2**12 points
+# points of the mother wavelet as a power of 2, pywt.cwt's own default: their spline is exact to 1e-7
 PRECISION = 12
 
 
@@ -38,9 +46,9 @@ def read_wavelet(name: str) -> Any:
     return wavelet
 
 
-def central_frequency(wavelet: Any, precision: int = PRECISION) -> float:
+def central_frequency(wavelet: Any, precision: int | None = None) -> float:
     """Frequency of the mother wavelet in cycles per sample at scale 1, as `pywt.cwt` reports it."""
-    return float(pywt.scale2frequency(wavelet, 1.0, precision))
+    return float(pywt.scale2frequency(wavelet, 1.0, precision or PRECISION))
 
 
 def effective_radius(wavelet: Any) -> float:
@@ -65,8 +73,8 @@ class FilterBank:
         Length L of the signals.
     dtype : {float64, float32}, default float64
         Precision of the transform. The filters themselves are always computed in float64.
-    precision : int, default 12
-        The mother wavelet is sampled on 2**precision points, as in `pywt.cwt`.
+    precision : int, optional
+        Take the filters of `pywt.cwt` with this precision. Where not given, they are (6a).
 
     Attributes
     ----------
@@ -81,13 +89,13 @@ class FilterBank:
     Notes
     -----
     Equation (6), :math:`W(a, b) = \int e(t)\, \psi^*_{a,b}(t)\, dt`, with (5),
-    :math:`\psi_{a,b}(t) = a^{-1/2}\, \psi((t - b) / a)`, in the discrete form that `pywt.cwt` gives them.
-    The signal counts as zero outside the record.
+    :math:`\psi_{a,b}(t) = a^{-1/2}\, \psi((t - b) / a)`, of a signal that is constant over each sample, and zero
+    outside the record.
 
     Examples
     --------
     >>> signals = np.random.default_rng(0).normal(size=(3, 50))
-    >>> bank = FilterBank([2, 4, 8], "cmor2.0-1.0", 50)
+    >>> bank = FilterBank([2, 4, 8], "cmor2.0-1.0", 50, precision=12)
     >>> expected, _ = pywt.cwt(signals, [2, 4, 8], "cmor2.0-1.0")
     >>> np.allclose(bank.transform(signals), expected.transpose(1, 0, 2))
     True
@@ -99,7 +107,7 @@ class FilterBank:
         wavelet: str,
         n_times: int,
         dtype: Any = np.float64,
-        precision: int = PRECISION,
+        precision: int | None = None,
     ) -> None:
         mother = read_wavelet(wavelet)
         self.scales = np.atleast_1d(np.asarray(scales, dtype=float))
@@ -109,10 +117,20 @@ class FilterBank:
         self.n_parts = 2 if mother.complex_cwt else 1
         # circular convolution of this length is exact for the first L outputs, see `_taps`
         self._n_fft = scipy.fft.next_fast_len(2 * n_times - 1, real=True)
-        integral, x = pywt.integrate_wavelet(mother, precision=precision)
+        if precision is None:
+            psi, x = mother.wavefun(PRECISION)
+            taps_at = partial(self._taps, CubicSpline(x, np.conj(psi)).antiderivative(), x)
+        else:
+            integral, x = pywt.integrate_wavelet(mother, precision=precision)
+            taps_at = partial(self._taps_of_pywt, np.conj(integral), x)
         filters = np.zeros((self.n_parts, len(self.scales), self._n_fft))
         for row, scale in enumerate(self.scales):
-            taps = self._taps(np.conj(integral), x, scale)
+            if scale * (x[-1] - x[0]) < 1:
+                raise InputError(
+                    f"scale {scale:g} is too small to sample the wavelet",
+                    remedy="Lower the highest frequency (f_max) or use a shorter sampling period",
+                )
+            taps = taps_at(scale)
             for part, values in enumerate([taps.real, taps.imag][: self.n_parts]):
                 filters[part, row, :n_times] = values[n_times - 1 :]
                 if n_times > 1:
@@ -120,16 +138,16 @@ class FilterBank:
         spectra = scipy.fft.rfft(filters, axis=-1)
         self._spectra = spectra.astype(np.result_type(dtype, np.complex64))
 
-    def _taps(self, integral: NDArray[Any], x: NDArray[np.float64], scale: float) -> NDArray[Any]:
-        """Impulse response at the delays -(L - 1) ... L - 1; others lead out of the record."""
+    def _taps(self, integral: CubicSpline, x: NDArray[np.float64], scale: float) -> NDArray[Any]:
+        """Impulse response at the delays -(L - 1) ... L - 1, (6a); others lead out of the record."""
+        edges = (np.arange(1 - self.n_times, self.n_times + 1) - 0.5) / scale
+        return np.asarray(np.sqrt(scale) * np.diff(integral(np.clip(edges, x[0], x[-1]))))[::-1]
+
+    def _taps_of_pywt(self, integral: NDArray[Any], x: NDArray[np.float64], scale: float) -> NDArray[Any]:
+        """The same of `pywt.cwt`."""
         # which samples of the integral pywt.cwt takes at this scale, by its own formula
         index = (np.arange(scale * (x[-1] - x[0]) + 1) / (scale * (x[1] - x[0]))).astype(int)
         index = index[index < integral.size]
-        if len(index) < 2:
-            raise InputError(
-                f"scale {scale:g} is too small to sample the wavelet",
-                remedy="Lower the highest frequency (f_max) or use a shorter sampling period",
-            )
         taps = -np.sqrt(scale) * np.diff(integral[index][::-1], prepend=0, append=0)
         # pywt.cwt keeps the middle of the convolution; this is the tap at delay zero
         centre = 1 + (len(index) - 2) // 2

@@ -42,9 +42,7 @@ def contribution_pipeline(sampling_period: float = 1.0, random_state: Any = None
     ['cwttransformer', 'channelscaler', 'cnncontributionregressor']
     """
     return make_pipeline(
-        CWTTransformer(
-            sampling_period=sampling_period, n_frequencies=16, n_columns=32, signed="linear", precision=15
-        ),
+        CWTTransformer(sampling_period=sampling_period, n_frequencies=16, n_columns=32, signed="linear"),
         ChannelScaler(by="pixel"),
         CNNContributionRegressor(random_state=random_state),
     )

@@ -33,6 +33,20 @@ def as_observations(simulator: Simulator, recordings: Any) -> list[Observation]:
     return observations
 
 
+def held_out_observations(
+    simulator: Simulator, recordings: Any, fitted: Iterable[Observation]
+) -> list[Observation]:
+    """Recordings as `as_observations`, if none of them was fitted: else it raises `InputError`."""
+    others, seen = as_observations(simulator, recordings), [o.values for o in fitted]
+    for other in others:
+        if any(np.array_equal(other.values, values, equal_nan=True) for values in seen):
+            raise InputError(
+                f"the recording {other.event.name!r} is held out and was fitted: it confirms nothing",
+                allowed="recordings that were not fitted",
+            )
+    return others
+
+
 def check_recording(item: Any) -> Recording:
     """Return a recording as it is; anything else raises `InputError`."""
     if isinstance(item, Recording):

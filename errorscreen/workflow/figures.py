@@ -71,7 +71,6 @@ def _error_image(outcome: Outcome, best: str) -> ReportFigure:
         n_frequencies=_IMAGE[0],
         n_columns=_IMAGE[1],
         energy="linear",
-        precision=15,
     )
     images = cwt.fit_transform(np.array(list(errors.values())))
     cells = {k: _cells(observation, y, outcome.study.run.random_state) for k, y in responses.items()}

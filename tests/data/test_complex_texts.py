@@ -1,7 +1,5 @@
 """Phasors in one cell of a text."""
 
-import cmath
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -20,7 +18,7 @@ def test_both_parts_come_back(real, imag):
         str(z),
         f"{real!r}{imag:+}i",
         f"( {real!r} , {imag!r} )",
-        f"{abs(z)!r}∠{float(np.degrees(cmath.phase(z)))!r}",
+        f"{abs(z)!r}∠{float(np.angle(z, deg=True))!r}",
     ]
     found = complex_of(pd.Series(texts))
     assert found[:3] == pytest.approx(np.array([z, z, z]), rel=1e-14, abs=0)

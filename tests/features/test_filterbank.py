@@ -47,6 +47,32 @@ def test_coefficients_are_those_of_pywt(wavelet, n_times, scales, precision, see
     )
 
 
+@settings(max_examples=30)
+@given(scale=st.floats(0.7, 300), n_times=st.integers(1, 200), seed=st.integers(0, 2**32 - 1))
+def test_coefficients_are_the_integral_of_the_definition(scale, n_times, seed):
+    """Equation (6) by quadrature, with the Morlet wavelet's own formula and a signal that is constant over a sample."""
+    signal = np.random.default_rng(seed).normal(size=n_times)
+    found = FilterBank([scale], "cmor2.0-1.0", n_times).transform(signal[None])[0, 0]
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    delay = np.arange(n_times)[:, None] - np.arange(n_times)
+    u = (delay[..., None] + 0.5 * nodes) / scale
+    psi = np.exp(-2j * np.pi * u - u**2 / 2.0) / np.sqrt(2.0 * np.pi)
+    expected = (psi @ (0.5 * weights)).T @ signal / np.sqrt(scale)
+    # the wavelet ends where it is 1e-14 of its height; the spline through its points is exact to 1e-7
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-7 * np.abs(signal).sum() / np.sqrt(scale))
+
+
+@pytest.mark.parametrize("wavelet", ["cmor2.0-1.0", "morl", "mexh", "gaus2"])
+def test_a_burst_shows_at_its_time_where_pywt_is_half_a_sample_late(wavelet):
+    time = np.arange(401) - 200.0
+    burst = np.exp(-((time / 6.0) ** 2)) * np.cos(0.3 * time)
+    for precision, late in ((None, 0.0), (12, 0.5)):
+        energy = (
+            np.abs(FilterBank([10.0, 20.0], wavelet, 401, precision=precision).transform(burst[None])[0]) ** 2
+        )
+        assert (energy * time).sum(axis=1) / energy.sum(axis=1) == pytest.approx(late, abs=0.02)
+
+
 @pytest.mark.parametrize("wavelet", [*NAMED, "cmor2.0-1.0"])
 def test_frequencies_are_those_of_pywt(wavelet):
     scales = np.array([2.0, 7.0])

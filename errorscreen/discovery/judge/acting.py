@@ -28,7 +28,8 @@ class Acting:
     start, stop : float
         First and last instant in s at which it changes the response by more than noise; NaN if it never does.
     always : bool
-        Whether it acts from the beginning of the recording on: the noise of the voltage is enough to move a regulator.
+        Whether noise alone moves it: it begins to act with the recording, as a regulator, or before the event, as a
+        governor whose dead band is narrow, and changes the response by more than noise in the event only.
     """
 
     recording: str
@@ -73,6 +74,6 @@ def acting(hypothesis: Hypothesis, effect: Effect) -> tuple[Acting, ...]:
         begins, beyond = (np.flatnonzero(change > size) for size in (_BEGINS, 1.0))
         first = float(event.time[begins[0]]) if len(begins) else np.nan
         start, stop = event.time[beyond[[0, -1]]] if len(beyond) else (np.nan, np.nan)
-        always = bool(len(begins) and begins[0] <= 1)
+        always = bool(len(begins) and (begins[0] <= 1 or first < event.start <= start))
         found.append(Acting(event.name, first, float(start), float(stop), always))
     return tuple(found)

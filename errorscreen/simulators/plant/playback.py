@@ -12,7 +12,7 @@ from errorscreen.data.channels import ROLE_UNITS
 from errorscreen.data.observations import Observation
 from errorscreen.data.plausibility import doubt
 from errorscreen.data.recordings import Recording
-from errorscreen.data.signals import scatter
+from errorscreen.data.signals import scatter, within
 from errorscreen.events import IDLE, Playback, SetPointStep
 from errorscreen.exceptions import InputError
 from errorscreen.simulators.plant.terminal_angle import NO_ANGLE, AngleSource, angle_behind, noise_of_angle
@@ -64,7 +64,7 @@ def playback_observation(
     source = recording.resample(dt)
     time = source.time
     notes = list(source.assumptions)
-    quiet = (time >= source.quiet[0]) & (time <= source.quiet[1])
+    quiet = within(time, source.quiet)
     unknown = np.zeros(len(time), dtype=bool)
     signals = {} if by_power else {"V": _filled(source, "V", unknown, notes)}
     power = ["P", "Q"] if grid_impedance or by_power else []

@@ -14,7 +14,7 @@ from errorscreen._runtime.threads import one_blas_thread
 from errorscreen.data.observations import Observation
 from errorscreen.data.recordings import Recording
 from errorscreen.data.resampling import check_steps, compared_step, low_pass_needed, spacing
-from errorscreen.data.signals import correlation_time
+from errorscreen.data.signals import correlation_time, within
 from errorscreen.effects import Effect
 from errorscreen.engine.kernels import new_engine
 from errorscreen.events import Event, Playback
@@ -333,7 +333,7 @@ class PlantSimulator(Simulator):
         responses = self.simulate(nominal, event)
         if not responses.ok.all():  # the caller sees this failure when it simulates
             return observation
-        part = (observation.time >= quiet[0]) & (observation.time <= quiet[1])
+        part = within(observation.time, quiet)
         errors = (observation.values - responses.values[0])[:, part]
         noise = noise_left(observation, errors, part)
         notes = [

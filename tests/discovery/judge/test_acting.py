@@ -66,7 +66,9 @@ def test_a_regulator_acts_all_the_time_where_the_voltage_is_noisy():
     """And beyond noise only in the event: a scale of a channel shows there, too, because the start follows it."""
     event = dip()
     noisy = event.signals["V"] + 1e-4 * np.random.default_rng(0).standard_normal(len(event.time))
-    for signals, always in ((event.signals, False), ({**event.signals, "V": noisy}, True)):
+    later = np.where(event.time < 0.3, event.signals["V"], noisy)
+    for voltage, always in ((event.signals["V"], False), (noisy, True), (later, True)):
+        signals = {**event.signals, "V": voltage}
         played = replace(event, signals=signals)
         found = at_hidden_values(
             plant("synchronous_machine", played), ["exciter", "scale_P"], played, scale_P__a=0.1
