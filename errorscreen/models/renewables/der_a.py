@@ -41,6 +41,7 @@ from errorscreen.engine.vmath import clip, hold_at_limits, select
 from errorscreen.models.blocks import lag, limited_pi, longer
 from errorscreen.models.measured_voltage import measured_voltage
 from errorscreen.models.part import Limit, Part, Start, Values, holding, record
+from errorscreen.models.renewables.behind import along_terminal, voltage_behind
 from errorscreen.models.renewables.reec import dead_band_between, injection
 
 FIELDS = record(
@@ -132,6 +133,13 @@ def terminal(Vr: Any, Vi: Any, Ip: Any, Iq: Any, Vf: Any, Trv: Any, shortest: An
     V = np.sqrt(Vr * Vr + Vi * Vi)
     Vm, d_Vf = lag(Vf, V, Trv, shortest)
     return V, V * Ip, V * Iq, clip(Vm, _V_MIN, 10.0), d_Vf
+
+
+@stage("Ir", "Ii")
+def behind(Er: Any, Ei: Any, R_grid: Any, X_grid: Any, Ip: Any, Iq: Any) -> Any:
+    """Current behind an impedance: of (4), it does not depend on the terminal voltage but for its direction."""
+    V = voltage_behind(np.sqrt(Er * Er + Ei * Ei), R_grid, X_grid, Ip, 0.0, Iq, 0.0)
+    return along_terminal(Er, Ei, V, Ip, Iq, R_grid, X_grid)
 
 
 @stage("df", "d_xr", "d_xi", "d_ff")
@@ -261,4 +269,5 @@ DERA1 = Part(
     formula="(1) to (6)",
     source="WECC DER_A; PSS/E model library, DERA1",
     aliases=("DERAU1",),
+    behind=behind,
 )  # fmt: skip

@@ -1,5 +1,7 @@
 """Converters behind a transformer and a line, against references that solve for the terminal in other ways."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -183,7 +185,23 @@ def test_limit_of_the_current_of_a_grid_forming_converter():
     np.testing.assert_allclose(current, free * np.minimum(1.0, 1.1 / np.abs(free)), atol=1e-9)
 
 
-@pytest.mark.parametrize("names", [("REGCA1", "REECB1"), ("REGCB1",), ("REGFMA1",)])
+def test_distributed_resources():
+    """Driven by the terminal voltage that their own current gives, without a connection, they answer alike."""
+    V = voltage(TIME, 0.25)
+    found = simulated(converter("DERA1"), 0.25)
+    inner = V / CONNECTION.tap
+    current = np.conj((found[0] + 1j * found[1] + 0.04 + 0.02j - 0.05j * np.abs(V) ** 2) / inner)
+    terminal = inner + CONNECTION.impedance * current
+    power = terminal * np.conj(current)
+    start = {"V": np.abs(terminal[0]), "P": power[0].real, "Q": power[0].imag}
+    at_terminal = Playback(TIME, "dip", 0.5, {"V": np.abs(terminal), "angle": np.angle(terminal)}, start)
+    plant = PlantSimulator(converter("DERA1"), at_terminal, step=0.0025)
+    expected = plant.simulate(plant.parameters.nominal).require_ok().values[0]
+    assert np.ptp(expected[1]) > 0.1
+    np.testing.assert_allclose([power.real, power.imag], expected, atol=1e-4)
+
+
+@pytest.mark.parametrize("names", [("REGCA1", "REECB1"), ("REGCB1",), ("REGFMA1",), ("DERA1",)])
 def test_nothing_between_gives_the_same_bits_and_a_unit_at_rest_stays(names):
     device = unit([Record(PARTS[name], {}) for name in names])
     plain, connected = (simulated(device, 0.3, connection) for connection in (None, Connection()))
@@ -208,4 +226,4 @@ def test_a_converter_without_this_stage_and_a_simulated_grid_are_refused():
     with pytest.raises(InputError, match="cannot be connected to a grid"):
         Unit(2, converter("REGCA1"), 100.0)
     with pytest.raises(InputError, match="cannot be connected to a grid"):
-        PlantSimulator(converter("DERA1"), event(0.1), connection=CONNECTION)
+        PlantSimulator(replace(converter("DERA1"), grid=None), event(0.1), connection=CONNECTION)
