@@ -13,12 +13,10 @@ collect_ignore = ["other_package"]
 os.environ.setdefault("NUMBA_NUM_THREADS", "2")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-# no test depends on the speed of the machine
-settings.register_profile(
-    "any machine",
-    deadline=None,
-    suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
-)
+# no test depends on the speed of the machine or on chance; --hypothesis-profile=explore draws other examples each time
+_SLOW = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow, HealthCheck.data_too_large]}
+settings.register_profile("explore", **_SLOW)
+settings.register_profile("any machine", derandomize=True, **_SLOW)
 settings.load_profile("any machine")
 
 

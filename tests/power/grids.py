@@ -26,7 +26,7 @@ def random_network(seed, n=None, generators=True):
                 x=rng.uniform(0.02, 0.15),
                 b=0.0 if transformer else rng.uniform(0, 0.2),
                 tap=rng.uniform(0.93, 1.07) if transformer else 1.0,
-                shift=rng.uniform(-0.2, 0.2) if transformer else 0.0,
+                shift=rng.uniform(-0.05, 0.05) if transformer else 0.0,
                 circuit=str(k),
             )
         )
