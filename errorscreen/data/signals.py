@@ -12,6 +12,8 @@ _Array = NDArray[np.float64]
 MIN_QUIET = 5
 #: No instrument resolves less than this part of its largest reading (accuracy classes are 1e-3 and worse).
 RESOLUTION = 1e-5
+#: Distances under this part of the largest reading are rounding of the arithmetic.
+_ROUNDING = 1e-9
 
 
 def _measured(values: ArrayLike) -> _Array:
@@ -35,7 +37,7 @@ def within(time: _Array, interval: tuple[float, float]) -> NDArray[np.bool_]:
 def quantisation_step(values: ArrayLike) -> float:
     """Smallest distance between two different readings, 0 where all readings agree.
 
-    Distances under 1e-9 of the largest reading are rounding of the arithmetic and do not count.
+    Distances under `_ROUNDING` of the largest reading do not count.
 
     Examples
     --------
@@ -46,7 +48,7 @@ def quantisation_step(values: ArrayLike) -> float:
     if len(readings) < 2:
         return 0.0
     gaps = np.diff(readings)
-    least = float(gaps.min(where=gaps > 1e-9 * max(abs(readings[0]), abs(readings[-1])), initial=np.inf))
+    least = float(gaps.min(where=gaps > _ROUNDING * max(abs(readings[0]), abs(readings[-1])), initial=np.inf))
     return least if np.isfinite(least) else 0.0
 
 
@@ -185,7 +187,7 @@ def hold_length(values: ArrayLike) -> int:
     x = _measured(values)
     if len(x) < 12:
         return 1
-    clear = 10 * quantisation_step(x)
+    clear = max(10 * quantisation_step(x), _ROUNDING * float(np.abs(x).max()))
     starts = np.flatnonzero(np.r_[True, np.diff(x) != 0])
     jumps = np.abs(np.diff(x[starts], prepend=x[0], append=x[-1]))
     lengths = np.diff(starts, append=len(x))

@@ -63,4 +63,5 @@ def test_a_meter_read_slightly_faster_than_it_updates_is_held():
 
 def test_a_resting_channel_is_not_held():
     assert signals.hold_length(np.where(TIME < 2, 0.5, np.sin(TIME))) == 1
+    assert signals.hold_length(np.nextafter(0.5, 0.5 + np.round(_noise(5)))) == 1  # moves by rounding alone
     assert signals.hold_length(np.round(np.where(TIME < 2, 0.5, 0.5 * np.exp(2 - TIME)), 3)) == 1

@@ -70,7 +70,7 @@ TESTS = {
             "data/readers/test_csv::test_gaps_are_read_in_any_spelling",
             "data/readers/test_csv::test_numbers_may_mark_gaps",
         ),
-        "COMTRADE of 1991, 1999 and 2013, in two files or one; ASCII, BINARY, BINARY32, FLOAT32": (
+        "COMTRADE of 1991, 1999 and 2013, in two files or one; ASCII, BINARY, BINARY32, FLOAT32 (extra `comtrade`)": (
             "data/readers/test_comtrade::test_every_kind_of_data_gives_the_same_recording",
             "data/readers/test_comtrade::test_one_file_may_hold_all_parts",
         ),

@@ -1,6 +1,7 @@
 """COMTRADE records, written here by the definition of the standard."""
 
 import struct
+import sys
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from errorscreen.cases import load_case
 from errorscreen.data import read_recording
 from errorscreen.data.guess_file import guess_file
 from errorscreen.data.readers.comtrade import read_comtrade_table
-from errorscreen.exceptions import DataWarning, InputError
+from errorscreen.exceptions import DataWarning, InputError, MissingExtraError
 
 BASES = {"base_mva": 100.0, "base_kv": 20.0, "f_nominal": 50.0}
 WAVEFORMS = {"voltage": ["VA", "VB", "VC"], "current": ["IA", "IB", "IC"]}
@@ -308,6 +309,37 @@ def test_a_revision_or_a_frequency_that_is_none_does_not_matter(tmp_path, change
     path.write_text(path.read_text().replace(*changes))
     check(read_recording(path, None, **BASES))
     assert guess_file(path).keys["f_nominal"].value == 50.0
+
+
+def test_a_missing_library_is_named(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "comtrade", None)
+    with pytest.raises(MissingExtraError, match=r"errorscreen\[comtrade\]"):
+        read_recording(write(tmp_path, waves(TIME), TIME), None, **BASES)
+
+
+@pytest.mark.parametrize("kind", ["ASCII", "BINARY"])
+def test_a_record_of_1991_has_marks_of_its_own(tmp_path, kind):
+    mark = {"ASCII": 99999, "BINARY": -1}[kind]
+    values = {"U": np.array([20.0, 19.0, 18.0, 17.0]), "P": np.array([80.0, 79.0, 78.0, 77.0])}
+    path = write(tmp_path, values, np.arange(4) / 50.0, kind=kind, revision=1991, missing=[(0, [2])])
+    if kind == "BINARY":  # written with the mark of later revisions
+        data = bytearray(path.with_suffix(".dat").read_bytes())
+        row = len(data) // 4
+        assert data[2 * row + 8 : 2 * row + 10] == struct.pack("<h", -(2**15))
+        data[2 * row + 8 : 2 * row + 10] = struct.pack("<h", mark)
+        path.with_suffix(".dat").write_bytes(data)
+    table = read_comtrade_table(path)[0]
+    np.testing.assert_array_equal(np.isnan(table.columns["U"]), [False, False, True, False])
+    assert np.isfinite(table.columns["P"]).all()
+
+
+@pytest.mark.parametrize("kind", ["ASCII", "BINARY"])
+def test_rates_count_where_a_stamp_is_missing(tmp_path, kind):
+    stamps = np.round(1e6 * TIME).astype(np.int64)
+    stamps[100] = 2**32 - 1
+    path = write(tmp_path, waves(TIME), TIME, kind=kind, stamps=stamps)
+    np.testing.assert_allclose(read_comtrade_table(path)[1], TIME, atol=1e-9)
+    check(read_recording(path, None, **BASES))
 
 
 def test_the_data_alone_are_refused_with_the_way_through(tmp_path):
