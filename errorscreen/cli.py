@@ -55,6 +55,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         with at_each_line(partial(_line, not getattr(options, "quiet", False))):
             code = options.command(options, out)
+            sys.stdout.flush()
     except SuspectReadingsError as error:
         print(
             f"errorscreen: {error}\nCorrect the case file. If the recording is right as it is, give "
@@ -71,6 +72,9 @@ def main(argv: Sequence[str] | None = None) -> int:
             "a smaller library, a longer simulation.dt or a shorter window.",
             file=sys.stderr,
         )
+        return FAILED
+    except BrokenPipeError:  # the reader of a pipe has read enough, as head does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
     except KeyboardInterrupt:
         print(f"\nerrorscreen: interrupted. {options.interrupted}", file=sys.stderr)

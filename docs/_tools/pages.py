@@ -132,7 +132,9 @@ def device_tables(device, moved):
             "5 s.\n",
             table((*PARAMETER_HEADER, "P moves by", "Q moves by"), candidates),
             "## Other constants\n",
-            "Stated in a case file or with `constants=`; never calibrated.\n",
+            "Stated in a case file or with `constants=`; never calibrated"
+            + "".join(f", but for `{name}` where a case file names it" for name in device.further.names)
+            + ".\n",
             constant_table(device),
             "## Ports\n",
             "An effect may act at a port. The last column names the library's effects there.\n",

@@ -33,12 +33,12 @@ from errorscreen.simulators.plant.injection_noise import typical
 
 #: most times that the slope is renewed, iterations with each, and least decrease of (K1) in them to go on
 _TIMES, _ITERATIONS, _GAIN = 30, 2, 0.1
-#: most undamped steps behind them
-_UNDAMPED = 8
+#: most undamped steps behind them, and least share of its promise that each but the first must keep
+_UNDAMPED, _KEPT = 8, 0.5
 #: step of its differences in u
 _STEP = 1e-2
-#: χ²/N above which noise does not matter
-_FAR = 10.0
+#: χ²/N above which noise does not matter: the correction lowers what is left beyond noise by half a per cent at most
+_FAR = 2.0
 
 
 def bias_corrected(search: BoundedSearch, problem: FitProblem, smooth: ArrayLike = True) -> BoundedSearch:
@@ -86,19 +86,25 @@ def bias_corrected(search: BoundedSearch, problem: FitProblem, smooth: ArrayLike
 def _lowest(search: BoundedSearch, problem: FitProblem) -> BoundedSearch:
     """Search at the lowest point of (K1) on undamped steps with a new slope each; the search itself at the start.
 
-    The slope counts in all parameters: where the energy does not follow one smoothly, (K1) is not lower there.
+    The slope counts in all parameters: where the energy does not follow one smoothly, (K1) is not lower there. The
+    first step may leave a curved valley. The next ones return to it if the linear model holds, and else lead nowhere.
     """
     slope, energy = noise_slope(problem, search.best.u)
-    lowest, moving = search.untilted - energy, search.alone(replace(search.best))
-    for _ in range(_UNDAMPED):
+    lowest = before = search.untilted - energy
+    moving = search.alone(replace(search.best))
+    for number in range(_UNDAMPED):
         moving.tilt(slope)
         track = moving.undamped(moving.best)
         if track is None:
             break
-        moving = moving.alone(track)
+        moving, promise = moving.alone(track), track.promise
         slope, energy = noise_slope(problem, track.u)
-        if moving.untilted - energy < lowest:
-            search, lowest = moving, moving.untilted - energy
+        reached = moving.untilted - energy
+        if reached < lowest:
+            search, lowest = moving, reached
+        if number and before - reached < _KEPT * promise:
+            break
+        before = reached
     return search
 
 

@@ -226,7 +226,7 @@ def build_recording(
         else:
             with np.errstate(over="ignore", invalid="ignore"):  # readings too large become gaps in `_checked`
                 values |= _converted(role, [numbers.pop(h) for h in spec.headers], spec, bases, where)
-        notes += _meaning(role, spec, bases)
+        notes += _meaning(role, spec, bases, follows=spec.value is None and follow.issuperset(spec.headers))
     for role in values:
         stands = specs[role].column in follow if role in specs else False
         values[role] = _checked(role, values[role], max_missing, source, notes, may_stand=stands)
@@ -315,8 +315,8 @@ def _converted(role: str, columns: list[_Array], spec: Column, bases: Bases, whe
     }
 
 
-def _meaning(role: str, spec: Column, bases: Bases) -> list[str]:
-    """Sentences on the assumed unit, base and sign of a channel."""
+def _meaning(role: str, spec: Column, bases: Bases, *, follows: bool) -> list[str]:
+    """Sentences on the assumed unit, base and sign of a channel, which may follow from three phases."""
     if role not in ROLE_UNITS:
         return []
     notes = []
@@ -324,7 +324,7 @@ def _meaning(role: str, spec: Column, bases: Bases) -> list[str]:
         notes.append(f"No unit of {role} was stated; {ROLE_UNITS[role]} was assumed.")
     if role in ("P", "Q") and (spec.unit or "pu") == "pu" and spec.base is None:
         notes.append(f"{role} in pu was taken to be on the base of {bases.mva:g} MVA.")
-    if role == "V" and spec.unit in ("V", "kV") and not spec.line_neutral:
+    if role == "V" and spec.unit in ("V", "kV") and not (spec.line_neutral or follows):
         notes.append("V was taken to be measured from line to line.")
     if spec.sign == "load":
         notes.append(f"{role} was recorded positive when consumed; its sign was turned.")

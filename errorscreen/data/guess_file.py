@@ -15,6 +15,7 @@ from errorscreen.data.guess_numbers import guess_by_numbers
 from errorscreen.data.guess_phasors import guess_phasors
 from errorscreen.data.guess_psse import Machine, guess_psse
 from errorscreen.data.guess_tables import OPENERS, Opened
+from errorscreen.data.guess_waves import first_trios, guess_waveforms, phase_of
 from errorscreen.data.guesses import (
     ChannelGuess,
     Guess,
@@ -24,20 +25,20 @@ from errorscreen.data.guesses import (
     guess_channels,
     guess_frequency,
     guess_level,
-    guess_waveforms,
-    phase_of,
     rated_kv,
 )
 from errorscreen.data.readers import recognised
 from errorscreen.data.readers.comtrade import read_comtrade_table
 from errorscreen.data.table import Table
 from errorscreen.data.units import KA, KV, MVA
-from errorscreen.data.waveforms import Waveforms, trios
+from errorscreen.data.waveforms import Waveforms
 from errorscreen.exceptions import InputError
 
 _Array = NDArray[np.float64]
 #: range of a channel, relative to its largest reading, that readers refuse as one that never moves
 _STILL = 1e-6
+#: share of the instants up to which doubled stamps are steps: no disturbance has more
+_FEW_STEPS = 0.05
 
 
 @dataclass
@@ -100,19 +101,14 @@ def _of_record(path: Path) -> FileGuess:
     table, time, record, notes = read_comtrade_table(path)
     step = float(np.median(np.diff(time)))
     known = [(one.name, one.phase or phase_of(one.name), one.unit) for one in record.channels]
-    waves = None
-    if step < 1 / 300:
-        try:
-            waves = trios(known, f"file {path}")
-        except InputError as error:
-            notes.append(f"{error.what[0].upper()}{error.what[1:]}.")
+    waves, others = first_trios(known, f"file {path}") if step < 1 / 300 else (None, [])
     f_nominal = record.frequency if record.frequency > 0 else None
     if waves is not None:
         found = _of_waves(table, time, waves, guess_frequency({}, f_nominal, step), "")
         rated = next(one.rated for one in record.channels if one.name == waves.voltage[0])
         found.keys["base_kv"] = rated_kv(found.keys["base_kv"], rated)
         found.open += notes[1:]
-        return found
+        return _of_several(found, others)
     channels, left = guess_channels(table, [name for name, *_ in known], ".", f_nominal)
     keys = _bases(channels, guess_frequency(channels, f_nominal, step))
     return FileGuess(keys, channels, open=[*notes[1:], *left])
@@ -127,10 +123,7 @@ def _of_table(found: Opened, units: Sequence[tuple[object, str]]) -> FileGuess:
     keys |= _of_steps(time)
     waves, assumed, in_pu = guess_waveforms(table, rest, step, decimal)
     if waves:
-        try:
-            spec = trios(waves, table.source)
-        except InputError:
-            spec = None
+        spec, others = first_trios(waves, table.source)
         if spec is not None:
             unit_of = {name: unit for name, _, unit in waves}
             table = Table(
@@ -142,7 +135,7 @@ def _of_table(found: Opened, units: Sequence[tuple[object, str]]) -> FileGuess:
             frequency = _frequency(table.numbers(spec.voltage[0]), time)
             guessed = _of_waves(table, time, spec, frequency, "by size" * assumed, in_pu)
             guessed.keys = keys | guessed.keys
-            return guessed
+            return _of_several(guessed, others)
     if (of_psse := guess_psse(table, rest, decimal, units)) is not None:
         machine, channels, told = of_psse
         keys |= _bases(channels, guess_frequency(channels, None, step))
@@ -167,6 +160,14 @@ def _of_table(found: Opened, units: Sequence[tuple[object, str]]) -> FileGuess:
     if not channels:
         left.append(f"No column is recognised as V, angle, f, P or Q among {listed(map(repr, rest))}.")
     return FileGuess({**keys, **_bases(channels, f_nominal)}, channels, open=left)
+
+
+def _of_several(found: FileGuess, others: Sequence[str]) -> FileGuess:
+    """Guess of waveforms, marked where there are others."""
+    if others and found.waveforms is not None:
+        reason = f"{found.waveforms.reason}; the first of several sets, others: {listed(map(repr, others))}"
+        found.waveforms = replace(found.waveforms, reason=reason, check=True)
+    return found
 
 
 def _settle_still(channels: dict[str, ChannelGuess]) -> tuple[dict[str, ChannelGuess], list[str]]:
@@ -201,8 +202,11 @@ def _of_steps(time: _Array) -> dict[str, Guess]:
     regular = np.mean(np.abs(between - usual) < 0.1 * usual) > 0.9
     if regular and (steps[np.minimum(twice + 1, len(steps) - 1)] > 1.5 * usual).any():
         return {}
-    reason = f"{len(twice)} rows repeat a time stamp, as simulation programs write the instant of a step"
-    return {"on_duplicate": Guess("last", reason, check=True)}
+    if len(twice) > _FEW_STEPS * len(between):
+        reason = f"{len(twice)} rows repeat a time stamp, as simulation programs write their iterations"
+        return {"on_duplicate": Guess("last", reason, check=True)}
+    reason = f"{len(twice)} rows repeat a time stamp, as simulation programs write both sides of a step"
+    return {"on_duplicate": Guess("keep-step", reason, check=True)}
 
 
 def _frequency(wave: _Array, time: _Array) -> Guess:

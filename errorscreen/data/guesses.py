@@ -23,6 +23,8 @@ from errorscreen.exceptions import InputError
 _Array = NDArray[np.float64]
 #: first stamps by which dates as numbers are known: days of spreadsheets, days of MATLAB (1971 to 2080), and ticks
 _ERAS = (("d", 2e4, 1e5), ("d", 7.2e5, 7.6e5), ("ticks", 5e17, 8e17))
+#: s between samples beyond which nobody records a disturbance who could do better
+_SLOWEST = 0.11
 #: s that a recording of a disturbance lasts at least
 _SHORTEST = 0.5
 #: fractions in one second, as concentrators count them
@@ -49,7 +51,7 @@ _WORDS = {
     "Q": {"q", "qg", "qe", "qgen", "qelec", "qsum", "qgenpu", "mvar", "reactive", "blindleistung"},
     "V": {
         "v", "u", "u1", "v1", "vbus", "vt", "ut", "vm", "um", "upu", "vmag", "umag", "volt", "voltage", "vterm",
-        "eterm", "kv", "vrms", "urms", "spannung", "klemmenspannung",
+        "eterm", "kv", "vrms", "urms", "spannung", "klemmenspannung", "ustatorpu", "uterminalpu",
     },
 }  # fmt: skip
 #: units that only one channel has
@@ -59,12 +61,11 @@ _BY_UNIT = {"V": "V", "kV": "V", "deg": "angle", "rad": "angle", "Hz": "f", "mHz
 #: words in headers of the excitation, whose V and A are not those of the terminal
 _EXCITATION = {"field", "exciter", "excitation", "efd", "vfd", "ufd", "ifd", "erregung", "erreger"}
 _NEUTRAL = re.compile(r"(?<![a-z0-9])(ln|l-n|phn|ph-n|line[ _-]to[ _-]neutral)(?![a-z0-9])", re.IGNORECASE)
+#: words in headers that may stand for the angle or the frequency of the terminal, or for those of the rotor
+_OF_ROTOR = {"delta", "omega", "omegapu", "speed", "theta", "rotor", "polradwinkel"}
 #: pu that a voltage begins in, and that a current begins below
 PU, MOST_PU = (0.8, 1.2), 5.0
 _UNIT_BEHIND = re.compile(r"(\s+in\s+\S+|\s*[\[(].*[\])])$")
-_PHASE = re.compile(
-    r"(?P<kind>[vui])[ _]?(?P<phase>a|b|c|ab|bc|ca|l1|l2|l3|r|s|t|y)(?:$|[^a-z0-9])", re.IGNORECASE
-)
 
 
 @dataclass(frozen=True)
@@ -166,7 +167,9 @@ def _stamps_in(
     reason = f"samples are then {step * SECONDS[unit]:.3g} s apart"
     if fitting:
         reason += ", which is usual"
-    others = [f"{one} ({step * SECONDS[one]:.3g} s)" for one in fitting if one != unit and not sure]
+    slow = [one for one in fitting if SECONDS[one] * step > _SLOWEST]
+    rest = [one for one in fitting if one != unit and not sure and (unit in slow or one not in slow)]
+    others = [f"{one} ({step * SECONDS[one]:.3g} s)" for one in rest]
     if others:
         reason += f", but so is {' and '.join(others)}"
     found["time_unit"] = Guess(unit, reason, check=not fitting or bool(others))
@@ -207,9 +210,11 @@ def guess_channels(
         unit = known_unit(role or "", unit or "") or known_unit(role or "", table.units.get(name, ""))
         if role is None and unit == "V" and re.search(r"[a-z]_V$", last, re.IGNORECASE):
             unit = None  # "BUS_V" names the voltage, and no unit
-        words = {*re.split(r"[^a-z0-9]+", _UNIT_BEHIND.sub("", last[:LONGEST_HEADER]).casefold())}
+        words = _words_of(last)
         if words & _EXCITATION:
             continue
+        if role is None and "phase" in words and words & _WORDS["V"]:
+            words = {"angle"}  # of a voltage, as Dynawo calls it
         if role in UNITS:
             found.setdefault(role, []).append((3, name, unit, "its header"))
         elif unit in _BY_UNIT:
@@ -220,6 +225,13 @@ def guess_channels(
             )
     channels: dict[str, ChannelGuess] = {}
     open_: list[str] = []
+    if not {"angle", "f"} & found.keys():
+        of_rotor = [name for name in names if _words_of(name.split("|")[-1]) & _OF_ROTOR]
+        open_ += [
+            f"Column {name!r} was not used: it may be of the rotor. If it is the angle of the terminal's voltage or "
+            "its frequency, name it as angle or f in [recording.columns]."
+            for name in of_rotor
+        ]
     for role in [role for role in ("f", "V", "angle", "P", "Q") if role in found]:
         best = max(score for score, *_ in found[role])
         fitting = [one for one in found[role] if one[0] == best]
@@ -240,6 +252,11 @@ def guess_channels(
             reason, check = f"{reason}; the angle of the voltage is meant, not that of the rotor", True
         channels[role] = ChannelGuess({"column": name, "unit": unit}, reason, numbers, check)
     return channels, open_
+
+
+def _words_of(header: str) -> set[str]:
+    """Words of a header without its unit, in small letters."""
+    return {*re.split(r"[^a-z0-9]+", _UNIT_BEHIND.sub("", header[:LONGEST_HEADER]).casefold())}
 
 
 def _unit_by_level(
@@ -343,7 +360,8 @@ def guess_base_mva(P: float, Q: float, unit: str | None) -> Guess:
     if unit == "pu":
         return Guess(
             100.0,
-            "P and Q are in pu; they count as pu of the machine's base, which scales nothing",
+            "P and Q are in pu, here of this base, which scales nothing; if they are in pu of a system's base, state "
+            "it as base of P and Q, and the machine's MVA here",
             check=True,
         )
     loaded = float(np.hypot(P, Q)) / 0.8
@@ -356,42 +374,3 @@ def guess_base_mva(P: float, Q: float, unit: str | None) -> Guess:
 def base_kv_of_pu() -> Guess:
     """Base in kV where voltages and currents are in pu."""
     return Guess(20.0, "of voltages and currents in pu it scales nothing, but is needed", check=True)
-
-
-def phase_of(name: str) -> str:
-    """Phase that the name of a channel states; empty without one.
-
-    >>> phase_of("VB"), phase_of("i_l2"), phase_of("P")
-    ('B', 'B', '')
-    """
-    match = _PHASE.match(name.strip())
-    phase = match["phase"].upper() if match else ""
-    return {"L1": "A", "L2": "B", "L3": "C"}.get(phase, phase)
-
-
-def guess_waveforms(
-    table: Table, names: Sequence[str], step: float, decimal: str
-) -> tuple[list[tuple[str, str, str]], bool, bool]:
-    """Channels (name, phase, unit) that look like sampled waves of three phases.
-
-    Also whether a unit was assumed, and whether all numbers are in pu; a unit is that of the kind then.
-    """
-    found, assumed, in_pu = [], False, True
-    for name in names:
-        phase, match = phase_of(name), _PHASE.match(name.strip())
-        if not match or step > 1 / 300:
-            continue
-        numbers = table.numbers(name, decimal=decimal)
-        if not np.abs(np.nanmean(numbers)) < 0.2 * np.nanstd(numbers):
-            continue
-        of_current = match["kind"].casefold() == "i"
-        allowed = ("A", "kA") if of_current else ("V", "kV")
-        told = role_and_unit(name)[1], table.units.get(name, "").strip("[]() ")
-        stated = [u for u in told if u in allowed]
-        most = float(np.nanmax(np.abs(numbers)))
-        unit = stated[0] if stated else allowed[most < (50.0 if of_current else 1000.0)]
-        assumed |= not stated and "pu" not in told
-        peak = np.sqrt(2) * float(np.nanstd(numbers))
-        in_pu &= "pu" in told or (not stated and (peak < MOST_PU if of_current else PU[0] < peak < PU[1]))
-        found.append((name, phase, unit))
-    return found, assumed, in_pu and bool(found)

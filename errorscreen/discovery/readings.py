@@ -28,7 +28,8 @@ _Values = dict[str, NDArray[np.float64]]
 _WELL = 0.5
 #: J that a reading must leave at most: beyond it explains nothing
 _MOST = 1.0
-#: factor by which another reading must lower J; hidden effects alone lowered it by 1.7 at most
+#: factor by which another reading must lower J, or the part of the channel that it changes alone; hidden effects alone
+#: lowered J by 1.7 at most, and the part of Q by 1.5
 _FAR = 3.0
 #: factor between readings that are named together
 _ALIKE = 1.5
@@ -74,7 +75,8 @@ def better_readings(simulator: PlantSimulator, recording: Recording) -> list[Dou
     >>> better_readings(PlantSimulator("synchronous_machine", recording), recording)
     []
     """
-    left = _left(simulator, recording)
+    parts = _left(simulator, recording)
+    left = sum(parts.values())
     if left <= _WELL or np.isinf(left):  # a model that cannot start has a message of its own
         return []
     values = {name: channel.values for name, channel in recording.channels.items()}
@@ -82,9 +84,15 @@ def better_readings(simulator: PlantSimulator, recording: Recording) -> list[Dou
     for words, needed, change in _OTHERS:
         if values.keys() >= {*needed}:
             changed = _with(recording, change(values))
-            other = _left(simulator, changed)
+            there = _left(simulator, changed)
+            other = sum(there.values())
             generates = "P" not in needed or changed.initial(["P"])["P"] > 0
-            if other < min(_MOST, left / _FAR) and generates:
+            # of a channel alone, its own part tells more: parameters may hide it in the others
+            own = needed[0] if len(needed) == 1 and needed[0] in parts else None
+            far = other < min(_MOST, left / _FAR)
+            if own is not None:
+                far |= other < left and there[own] < min(_MOST, parts[own] / _FAR)
+            if far and generates:
                 found.append((other, words))
     if not found:
         return []
@@ -104,21 +112,22 @@ def _with(recording: Recording, changed: _Values) -> Recording:
     return replace(recording, channels={**recording.channels, **channels})
 
 
-def _left(simulator: PlantSimulator, recording: Recording) -> float:
-    """J of (1); infinite where the recording cannot be used so, or the model cannot be simulated."""
+def _left(simulator: PlantSimulator, recording: Recording) -> dict[str, float]:
+    """Parts of J of (1); infinite where the recording cannot be used so, or the model cannot be simulated."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DataWarning)
         try:
             observation = simulator.without_uncertainty(recording)
         except InputError:
-            return np.inf
+            return {"": np.inf}
     responses = simulator.simulate(simulator.parameters.nominal, observation.event)
     if not responses.ok.all():
-        return np.inf
+        return {"": np.inf}
     before = observation.time < observation.event.start
-    total = 0.0
-    for z, y, known in zip(observation.values, responses.values[0], observation.mask, strict=True):
+    parts = {}
+    rows = zip(observation.channels, observation.values, responses.values[0], observation.mask, strict=True)
+    for name, z, y, known in rows:
         rest = np.median(z[before & known]) if (before & known).any() else np.median(z[known])
         moved = float(np.sum((z[known] - rest) ** 2))
-        total += float(np.sum((z[known] - y[known]) ** 2)) / moved if moved else 0.0
-    return total
+        parts[name] = float(np.sum((z[known] - y[known]) ** 2)) / moved if moved else 0.0
+    return parts

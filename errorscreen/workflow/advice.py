@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
+from errorscreen._runtime.display import listed
 from errorscreen.discovery import Cause, Diagnosis, Gain, Group
 from errorscreen.discovery.conclusions import LITTLE, other_locations, placebo_text
 from errorscreen.simulators import Simulator
@@ -18,7 +19,7 @@ _TOGETHER = "list it under [[together]] in the case file"
 def advice(diagnosis: Diagnosis, study: Study, hints: Sequence[str] = ()) -> list[str]:
     """Advice that follows from a diagnosis, after `hints` (see `doubts`): a wrong unit can look like any cause."""
     kind, first = diagnosis.final.kind, diagnosis.causes[0]
-    out = [*hints, *(_apart(group) for group in diagnosis.groups)]
+    out = [*hints, *_at_bounds(diagnosis), *(_apart(group) for group in diagnosis.groups)]
     if kind == "unknown":
         out += _to_locate(diagnosis, study)
     elif kind == "effect" and first.event:
@@ -34,6 +35,19 @@ def advice(diagnosis: Diagnosis, study: Study, hints: Sequence[str] = ()) -> lis
             f"Record another event of the same unit and hold it out: only that shows whether {whole} there too."
         )
     return out
+
+
+def _at_bounds(diagnosis: Diagnosis) -> Iterator[str]:
+    """Fitted parameters that end at a bound: a damping, or several, often make up for a part that is missing."""
+    names = [p.name for p in diagnosis.calibration.parameters if p.at_bound]
+    damping = any(name.rpartition(".")[2] == "D" for name in names)
+    if diagnosis.final.kind not in ("unknown", "parameters") or not (damping or len(names) > 1):
+        return
+    yield (
+        f"{listed(names)} {'ends' if len(names) == 1 else 'end'} at a bound. First allow a wider range, by relative in "
+        "[device] or in [device.parameters]. A value that stays at its bound is a sign that the model lacks a part, "
+        "for example a governor, a stabiliser or a damper winding."
+    )
 
 
 def _to_confirm(gain: Gain | None) -> Iterator[str]:

@@ -20,6 +20,7 @@ from errorscreen.exceptions import DataWarning, InputError, MissingExtraError, u
 from errorscreen.learning.regressors import require_network
 from errorscreen.models.device import Remark
 from errorscreen.screening import SCREENERS
+from errorscreen.workflow.init_case import CHECK
 from errorscreen.workflow.run import nominal_response
 from errorscreen.workflow.study import Study
 from errorscreen.workflow.suspect_readings import doubts
@@ -121,8 +122,21 @@ def check_case(path: str | os.PathLike[str]) -> Checked:
                 nominal_response(study.simulator, one)
         except InputError as error:
             return Checked((str(error),), tuple(suspects))
-        advice = (*filter(None, [study.typical]), *_remarks(study), *_long_recordings(study))
+        told = [_unchecked(Path(path)), study.typical]
+        advice = (*filter(None, told), *_remarks(study), *_long_recordings(study))
         return Checked((), tuple(suspects), _expected_seconds(study), advice)
+
+
+def _unchecked(path: Path) -> str:
+    """Sentence on the guesses of `errorscreen init` that nobody has confirmed; empty without any."""
+    lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    keys = [line.split("=")[0].strip() for line in lines if CHECK in line and not line.startswith("#")]
+    if not keys:
+        return ""
+    return (
+        f"Guesses that nobody has confirmed yet: {', '.join(keys)}. Correct each, or delete its mark {CHECK.strip()} "
+        "in the case file."
+    )
 
 
 def recording_problems(section: RecordingSection, folder: Path, *, only_columns: bool = False) -> list[str]:

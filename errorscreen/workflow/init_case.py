@@ -25,6 +25,8 @@ from errorscreen.data.recordings import Recording
 from errorscreen.exceptions import DataWarning, InputError
 from errorscreen.models.dyr import DyrFile, read_dyr
 
+#: part of typical values by which those of a unit may differ
+TYPICAL_RANGE = 0.6
 #: mark of a guess that the file does not tell
 CHECK = "CHECK: "
 
@@ -84,6 +86,11 @@ def init_case(
         recording = _mended(path, found, recording)
         found.keys |= _event(recording)
         found.open += _others(out, recording)
+    if "f" in found.channels and "angle" not in found.channels:
+        found.open.append(
+            "The angle of the voltage was not recorded. The frequency shows a jump of the angle at a fault late and "
+            "smoothed, if at all: compare with an angle where there is one."
+        )
     doubts = [] if recording is None else [t for t in recording.assumptions if isinstance(t, Doubt)]
     device = list(_device(out, found, model, dyr))
     lines = [
@@ -217,6 +224,7 @@ def _device(
             'type = "synchronous_machine"  # CHECK: typical values; or dfig_plant, pv_plant, or dyr = "unit.dyr", the '
             "model file of the unit"
         )
+        yield f"relative = {TYPICAL_RANGE}  # ranges around typical values: those of this unit may be far from them"
     else:
         yield f"dyr = {_toml(_relative(Path(dyr), out))}"
         units = model.units
@@ -232,8 +240,15 @@ def _device(
                 yield f"# bus = {_toml(bus)}, id = {_toml(id)}"
     phases = found.waveforms is not None or "phasors" in found.keys
     if not phases and not {"angle", "f"} & found.channels.keys():
-        yield "constant_frequency = true  # neither angle nor frequency was recorded, so the frequency is held"
+        yield (
+            "constant_frequency = true  # CHECK: no column was taken for the angle of the voltage or the frequency, so "
+            "the frequency is held; leave this out with one of them"
+        )
     yield ""
+    if model is None:
+        yield "[device.parameters]  # of a synchronous machine; leave Ra out with other types"
+        yield "Ra = { lower = 0.0, upper = 0.01 }  # not known, and otherwise taken to be 0.002 pu"
+        yield ""
 
 
 def _screening() -> Iterator[str]:

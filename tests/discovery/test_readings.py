@@ -37,6 +37,16 @@ def test_a_wrong_reading_is_named(recording, factors, told):
     assert found.startswith(told)
 
 
+def test_the_sign_of_Q_is_named_also_where_P_is_far_off(recording):
+    """Parameters far from those of the unit leave much of P, whatever the sign of Q is."""
+    plant = PlantSimulator("synchronous_machine", recording)
+    space = plant.parameters.replace({"Tj": {"nominal": 2.5, "lower": 2.0}})
+    plant = PlantSimulator("synchronous_machine", recording, parameters=space)
+    assert better_readings(plant, recording) == []
+    (found,) = better_readings(plant, read_wrongly(recording, Q=-1.0))
+    assert found.startswith("With the other sign of Q (scale = -1)")
+
+
 def test_the_sign_of_P_alone_is_named_beside_that_of_the_angle(recording):
     """Both turn the current against the voltage, so neither explains less than the other."""
     plant = PlantSimulator("synchronous_machine", recording)

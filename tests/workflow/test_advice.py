@@ -4,6 +4,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from errorscreen.calibration.result import Calibration, Estimate
 from errorscreen.cases.demo import demo_recordings
 from errorscreen.data.recordings import Recording
 from errorscreen.discovery import (
@@ -42,7 +43,7 @@ def told(
     """Advice on a verdict, and on another one after held-out recordings if that is given."""
     found = diagnosis(
         Verdict(kind, ""), causes=causes or (UNKNOWN,), groups=groups, input_locations=places, gain=gain,
-        confirmed=Verdict(confirmed, "") if confirmed else None,
+        confirmed=Verdict(confirmed, "") if confirmed else None, calibration=Calibration("map", "all", ()),
     )  # fmt: skip
     study = SimpleNamespace(simulator=simulator, discovery=SimpleNamespace(effects=effects, enabled=True))
     return " ".join(advice(found, study, hints))
@@ -53,6 +54,27 @@ def test_doubts_come_first_whatever_the_verdict():
     assert told("unknown", places=[PLACE], hints=HINTS).startswith(HINTS[0])
     assert told("effect", EXCITER, UNKNOWN, hints=HINTS).startswith(HINTS[0])
     assert told("parameters", PARAMETERS, UNKNOWN, hints=HINTS, confirmed="parameters") == HINTS[0]
+
+
+@pytest.mark.parametrize(
+    ("names", "beginning"),
+    [
+        (["D"], "D ends at a bound"),
+        (["GENROU.D"], "GENROU.D ends"),
+        (["Xq", "Tj"], "Xq, Tj end at"),
+        (["Xq"], None),
+    ],
+)
+def test_values_at_bounds_are_a_sign_of_a_missing_part(names, beginning):
+    fitted = [Estimate(name, 2.0, np.nan, np.nan, True, nominal=1.0, lower=0.0, upper=2.0) for name in names]
+    calibration = Calibration("map", "all", tuple(fitted))
+    found = diagnosis(Verdict("unknown", ""), causes=(UNKNOWN,), calibration=calibration)
+    study = SimpleNamespace(simulator=MACHINE, discovery=SimpleNamespace(effects=None, enabled=True))
+    first = advice(found, study)[0]
+    assert first.startswith(beginning) if beginning else "at a bound" not in first
+    if beginning:
+        assert "allow a wider range" in first
+        assert "the model lacks a part" in first
 
 
 def test_a_verdict_that_nothing_confirms_asks_for_another_event():

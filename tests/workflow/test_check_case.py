@@ -41,6 +41,15 @@ def test_a_good_case_has_no_problem_and_an_expected_time(folder, capsys):
     assert not (folder / "case-results").exists()
 
 
+def test_guesses_of_init_that_nobody_confirmed_are_told(folder):
+    path = changed(folder, ("base_mva = 150.0   # of", "base_mva = 150.0   # CHECK: of"))
+    (told,) = [text for text in check_case(path).advice if "nobody has confirmed" in text]
+    assert told.startswith("Guesses that nobody has confirmed yet: base_mva.")
+    assert not any(
+        "confirmed" in text for text in check_case(changed(folder, ("# CHECK: of", "# of"))).advice
+    )
+
+
 def test_a_suspect_reading_is_told_apart(folder, capsys):
     path = changed(folder, ('"Q_Mvar", unit = "Mvar"', '"Q_Mvar", unit = "Mvar", scale = -1'))
     found = check_case(path)

@@ -104,7 +104,7 @@ def test_semicolons_decimal_commas_and_two_rows_of_headers_are_seen(tmp_path):
     assert (case.recording.decimal, case.recording.header_rows) == (",", 2)
     check(recording)
     assert case.device.constant_frequency
-    assert "neither angle nor frequency" in text
+    assert "CHECK: no column was taken for the angle" in text
     assert not written.missing
 
 
@@ -404,13 +404,55 @@ def test_curves_of_dynawo(tmp_path):
     written, case, recording, _ = initiated(path)
     assert not written.missing
     check(recording, 100.0)
-    assert case.recording.on_duplicate == "last"
+    assert case.recording.on_duplicate == "keep-step"
     columns = {name: one.column for name, one in case.recording.columns.items()}
     assert columns["angle"] == "GEN_generator_UPhase"
-    stepped = tmp_path / "stepped.toml"
-    stepped.write_text(
-        written.case.read_text().replace('on_duplicate = "last"', 'on_duplicate = "keep-step"')
-    )
-    recording = load_case(stepped).load_recording()
     assert np.diff(recording.time).min() < 1e-6
     check(recording, 100.0)
+
+
+def test_variables_of_a_machine_of_dynawo(tmp_path):
+    names = (
+        "SM_generator_UStatorPu",
+        "NETWORK_BUS_TN_Upu_phase",
+        "SM_generator_PGenPu",
+        "SM_generator_QGenPu",
+    )
+    V, A, P, Q = VALUES.values()
+    _, case, recording, _ = initiated(write(tmp_path, ["time", *names], (V, A, P / 100, Q / 100)))
+    check(recording, 100.0)
+    columns = {name: one.column for name, one in case.recording.columns.items()}
+    assert columns == dict(zip(("V", "angle", "P", "Q"), names, strict=True))
+
+
+def test_an_angle_that_may_be_of_the_rotor_is_an_open_point(tmp_path):
+    V, A, P, Q = VALUES.values()
+    written, case, _, text = initiated(
+        write(tmp_path, ["time", "V_pu", "delta", "P_MW", "Q_Mvar"], (V, A, P, Q))
+    )
+    assert "angle" not in case.recording.columns
+    assert any(one.startswith("Column 'delta' was not used: it may be of the rotor") for one in written.check)
+    assert "constant_frequency = true  # CHECK" in text
+
+
+def test_a_machine_of_typical_values_has_wide_ranges(tmp_path):
+    _, case, _, _ = initiated(
+        write(tmp_path, ["time", "V_pu", "angle_rad", "P_MW", "Q_Mvar"], VALUES.values())
+    )
+    space = case.device.space(tmp_path)
+    assert (space["Xq"].lower, space["Xq"].upper) == pytest.approx((0.62, 2.48))
+    assert (space["Ra"].lower, space["Ra"].upper) == (0.0, 0.01)
+
+
+@pytest.mark.parametrize("kind", ["BINARY", "ASCII"])
+def test_waves_of_several_places_in_a_record(tmp_path, kind):
+    """Phases stand at the end of the names, or in the field for them."""
+    waves = test_comtrade.waves(test_comtrade.TIME)
+    both = {f"{place} {name}": x for place in ("BUS", "LINE") for name, x in waves.items()}
+    phases = [name[-1] if kind == "BINARY" else "" for name in both]
+    path = test_comtrade.write(tmp_path, both, test_comtrade.TIME, kind=kind, phases=phases)
+    written, case, _, text = initiated(path)
+    assert not written.missing
+    assert case.recording.waveforms.voltage == ["BUS VA", "BUS VB", "BUS VC"]
+    assert case.recording.waveforms.current == ["BUS IA", "BUS IB", "BUS IC"]
+    assert "the first of several sets, others: 'LINE VA'" in text

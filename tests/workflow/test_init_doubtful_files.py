@@ -51,8 +51,8 @@ def test_two_rows_at_a_step_are_those_of_a_program_where_no_sample_lacks(tmp_pat
     twice = [np.insert(x, 50, x[49]) for x in NUMBERS]
     stamps = [f"{t:.2f}" for t in np.insert(TIME, 50, TIME[50])]
     _, case, recording, _ = initiated(write(tmp_path, HEADERS, twice, time=stamps))
-    assert case.recording.on_duplicate == "last"
-    assert recording.channel("V").values[50] == pytest.approx(V[50], abs=1e-6)
+    assert case.recording.on_duplicate == "keep-step"
+    assert recording.channel("V").values[50:52] == pytest.approx(V[49:51], abs=1e-6)
     wrong = [f"{t:.2f}" for t in np.where(np.arange(len(TIME)) == 60, TIME[59], TIME)]
     (tmp_path / "b").mkdir()
     _, case, _, _ = initiated(write(tmp_path / "b", HEADERS, NUMBERS, time=wrong))

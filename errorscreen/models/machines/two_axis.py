@@ -29,6 +29,7 @@ from errorscreen.engine.stages import stage
 from errorscreen.engine.vmath import sincos
 from errorscreen.models.device import Constant, Device, GridInterface, Values, relative_parameters
 from errorscreen.models.grid_terminal import terminal_power
+from errorscreen.parameters import Parameter, ParameterSpace
 
 
 @stage("Vd", "Vq", "Id", "Iq", "P", "Q", "V")
@@ -104,6 +105,22 @@ SYNCHRONOUS_MACHINE = Device(
     constants=(
         Constant("Ra", 0.002, "pu", "armature resistance"),
         Constant("f0", 60.0, "Hz", "nominal frequency"),
+    ),
+    further=ParameterSpace(
+        [
+            Parameter(
+                "Ra",
+                0.002,
+                0.0,
+                0.01,
+                "pu",
+                "synchronous_machine",
+                "R_a",
+                "armature resistance",
+                0.01,
+                ">= 0",
+            )
+        ]
     ),
     states=("delta", "omega", "Eq1", "Ed1"),
     setpoints=("Efd0", "Pm0"),

@@ -164,7 +164,10 @@ def _warn_implausible(P: float, Q: float, where: str) -> list[str]:
     if abs(P) > MOST_P:
         notes.append(f"P before the event is {P:.3g} pu: check its unit and base_mva.")
     if P <= -LEAST_P:
-        notes.append(f"P before the event is {P:.3g} pu, but generation is positive: check its sign.")
+        notes.append(
+            f"P before the event is {P:.3g} pu, but generation is positive: check its sign (sign = 'load' in its "
+            "column, in waveforms or in phasors)."
+        )
     if abs(Q) > max(LARGE_Q, Q_OVER_P * abs(P)):
         notes.append(
             f"Q before the event is {Q:.3g} pu and P {P:.3g} pu: check that they are not interchanged."

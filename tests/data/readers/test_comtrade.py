@@ -71,7 +71,7 @@ def write(
         {**dict.fromkeys(range(len(names)), 0), **dict(skews)},
     )
     for k, (name, x) in enumerate(zip(names, values.values(), strict=True), start=1):
-        own = name[0] == "I"
+        own = "I" in (name[0], name.split()[-1][0])
         unit, primary, secondary, ps = units[own], 1, 1, "P"
         if ratio is not None:
             unit, ps = ("V", "A")[own], "S"
