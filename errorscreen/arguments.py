@@ -18,7 +18,7 @@ def parser_of(functions: Mapping[str, Callable[..., Any]]) -> argparse.ArgumentP
     ----------
     functions : mapping of str to callable
         Of the commands ``demo, run, diagnose, init, split, check, keys`` and of the benchmarks ``speed, paper,
-        discovery``; the parsed options hold one as ``command``.
+        discovery, ablation``; the parsed options hold one as ``command``.
     """
     parser = argparse.ArgumentParser(
         prog="errorscreen",
@@ -136,9 +136,26 @@ def _add_benchmarks(commands: Any, functions: Mapping[str, Callable[..., Any]]) 
     found.set_defaults(
         command=functions["discovery"], default_out="errorscreen-discovery", interrupted=_RESUMABLE
     )
+    without = kinds.add_parser("ablation", help="what each step of the search is worth, on hidden scenarios")
+    without.add_argument("--case", default="plant", help="plant, ieee39 or traps (default plant)")
+    without.add_argument("--scenarios", type=int, default=40, help="hidden scenarios (default 40)")
+    without.add_argument("--seed", type=int, default=0, help="of everything that is drawn (default 0)")
+    without.add_argument(
+        "--step",
+        action="append",
+        help="a step to leave out; may be given several times (default: each in turn)",
+    )
+    without.add_argument(
+        "--noise-db", type=float, default=40.0, help="level of the response over its noise (default 40)"
+    )
+    without.add_argument("--jobs", type=int, default=-1, help="processes (default: one for each core)")
+    without.set_defaults(
+        command=functions["ablation"], default_out="errorscreen-ablation", interrupted=_RESUMABLE
+    )
     _add_folder(speed, "errorscreen-bench", stages=False)
     _add_folder(paper, "errorscreen-paper")
     _add_folder(found, "errorscreen-discovery")
+    _add_folder(without, "errorscreen-ablation")
 
 
 def _add_folder(command: argparse.ArgumentParser, default: str, *, stages: bool = True) -> None:

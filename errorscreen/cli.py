@@ -250,6 +250,25 @@ def _bench_discovery(options: argparse.Namespace, out: str) -> None:
     print("Written: " + ", ".join(str(folder / name) for name in written))
 
 
+def _bench_ablation(options: argparse.Namespace, out: str) -> None:
+    from errorscreen.bench import ablation_study
+
+    folder = Path(out)
+    with _stages(folder, options):
+        ablation_study(
+            folder,
+            case=options.case,
+            scenarios=options.scenarios,
+            seed=options.seed,
+            steps=options.step,
+            noise_db=options.noise_db,
+            n_jobs=options.jobs,
+            progress=not options.quiet,
+        )
+    print((folder / "tables.md").read_text(encoding="utf-8"))
+    print("Written: " + ", ".join(str(folder / name) for name in ("result.json", "tables.md")))
+
+
 @contextmanager
 def _process_for_training(folder: Path, fresh: bool) -> Iterator[Any]:
     """A process that imports torch while this one imports the rest and reads the files; None where stages are kept."""
@@ -355,4 +374,5 @@ _COMMANDS: dict[str, Callable[..., Any]] = {
     "speed": _bench_speed,
     "paper": _bench_paper,
     "discovery": _bench_discovery,
+    "ablation": _bench_ablation,
 }

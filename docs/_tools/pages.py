@@ -19,6 +19,7 @@ from errorscreen.bench.speed import dip_event
 from errorscreen.cases import case_reference, ieee39_events, load_ieee39
 from errorscreen.cli import main
 from errorscreen.data.units import UNITS
+from errorscreen.discovery.search.plan import PLAN
 from errorscreen.effects import (
     EFFECTS,
     FAULT_DURATION,
@@ -344,6 +345,12 @@ def unit_table():
     return table(("channel", "units"), rows)
 
 
+def plan_table():
+    """Steps of the search."""
+    rows = [(f"`{s.name}`", s.inside and f"in {s.inside}", s.when, s.what) for s in PLAN]
+    return table(("step", "part", "when", "what happens"), rows)
+
+
 def status_table():
     """Status of a simulation with its remedy."""
     return table(("status", "remedy"), [(f"`{s.name}`", REMEDIES[s] or "none needed") for s in Status])
@@ -380,6 +387,7 @@ DECLARED = {
     "generic_effects": generic_table,
     "load": load_tables,
     "paper_figures": paper_figures,
+    "plan": plan_table,
     "result": result_table,
     "standard_models": part_table,
     "status": status_table,

@@ -27,6 +27,7 @@ from errorscreen.bench.trap_scenarios import TRAP_MIX, draw_trap_scenario
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery import CauseFinder
 from errorscreen.discovery.fits.hypotheses import JointFit
+from errorscreen.discovery.search.plan import check_plan
 from errorscreen.effects import Effect
 from errorscreen.exceptions import (
     DataWarning,
@@ -65,6 +66,7 @@ def discovery_study(
     least_size: float = LEAST_SIZE,
     largest_size: float | None = None,
     kinds: Sequence[str] | None = None,
+    plan: Sequence[str] | None = None,
     n_jobs: int | None = None,
     progress: bool = False,
 ) -> dict[str, Any]:
@@ -91,6 +93,8 @@ def discovery_study(
         Scales strengths to sizes drawn between the two, evenly by order of magnitude; not for traps.
     kinds : sequence of str, optional
         Kinds to hide in turn, instead of the shares of the case.
+    plan : sequence of str, optional
+        Steps of the search, see `CauseFinder`; all where not given.
     n_jobs : int, optional
         Processes that share the scenarios. They do not change the result, only the times.
     progress : bool
@@ -142,6 +146,7 @@ def discovery_study(
         "case": digest(case),
         "seed, noise and size": digest(seed, noise_db, least_size, largest_size),
         "mix": digest(mix, kinds),
+        "plan": digest(check_plan(plan)),
     }
     store = Store(Path(out) / "stages", fingerprint)
     records = {
@@ -150,7 +155,7 @@ def discovery_study(
     _log.info("%d scenarios, %d of them finished before", scenarios, len(records))
     missing = [i for i in range(scenarios) if i not in records]
     finished = search_all(
-        case, seed, missing, noise_db, least_size, n_jobs, kinds=kinds, largest_size=largest_size
+        case, seed, missing, noise_db, least_size, n_jobs, kinds=kinds, largest_size=largest_size, plan=plan
     )
     with tqdm(total=scenarios, initial=len(records), desc="scenarios", disable=not progress) as bar:
         for record in finished:
@@ -229,6 +234,7 @@ def run_scenario(
     *,
     largest_size: float | None = None,
     max_effects: int = 2,
+    plan: Sequence[str] | None = None,
 ) -> _Record:
     """Draw one scenario, search it, and judge the answer; without a kind, that is drawn too."""
     of_hidden, of_search = streams_of(seed, number)
@@ -240,7 +246,7 @@ def run_scenario(
         hidden = CASES[case][0](of_hidden, noise_db, kind=kind, **sizes)
         started = perf_counter()
         search_seed = int(of_search.generate_state(1)[0])
-        finder = CauseFinder(hidden.simulator, max_effects=max_effects, random_state=search_seed)
+        finder = CauseFinder(hidden.simulator, max_effects=max_effects, plan=plan, random_state=search_seed)
         finder.fit(list(hidden.recordings))
         seconds = perf_counter() - started
     verdict, best, closest = finder.verdict_.kind, finder.best_, finder.hypotheses_[0]

@@ -20,6 +20,7 @@ from errorscreen.discovery.judge.ranking import Cause, NamedEffect
 from errorscreen.discovery.judge.residual_test import Cell
 from errorscreen.discovery.judge.separation import Group
 from errorscreen.discovery.judge.verdict import Verdict
+from errorscreen.discovery.search.plan import StepReport
 from errorscreen.discovery.unknown_input.locations import InputLocation
 from errorscreen.exceptions import InputError
 from errorscreen.simulators.base import Simulator
@@ -86,6 +87,8 @@ class Diagnosis:
         Longest integration step in s of the extended model, and of the fit without effects; NaN if it has none.
     n_simulations : int
     seconds : float
+    plan : tuple of StepReport
+        What each step of the search cost and gained.
     confirmed : Verdict or None
         Verdict after held-out recordings have been judged; None without any.
     gain : Gain or None
@@ -113,6 +116,7 @@ class Diagnosis:
     base_step: Real
     n_simulations: int
     seconds: Real
+    plan: tuple[StepReport, ...] = ()
     confirmed: Verdict | None = None
     gain: Gain | None = None
     observations: InMemory[tuple[Observation, ...]] = ()

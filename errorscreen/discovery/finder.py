@@ -30,6 +30,7 @@ from errorscreen.discovery.judge.ranking import rank_causes
 from errorscreen.discovery.judge.residual_test import residual_test
 from errorscreen.discovery.search.journal import Journal
 from errorscreen.discovery.search.model_search import ModelSearch
+from errorscreen.discovery.search.plan import check_plan
 from errorscreen.effects.base import Effect
 from errorscreen.events import Event
 from errorscreen.exceptions import InputError, check_integer, check_real
@@ -77,6 +78,8 @@ class CauseFinder(BaseEstimator):
     events : sequence of Event, optional
         Events that could be recorded in addition; the one that separates a group best is named.
     random_state : None, int, SeedSequence, Generator or RandomState
+    plan : sequence of str, optional
+        Steps of the search that are taken, of `errorscreen.discovery.search.plan.PLAN`; all where not given.
     checkpoint : path-like, optional
         Folder for finished parts of the search: after an interruption the same fit goes on from there. It needs a
         `random_state`.
@@ -116,6 +119,8 @@ class CauseFinder(BaseEstimator):
         A wrong effect that was fitted, to compare a gain with.
     max_effects_ : int
         Largest number of effects that were named together.
+    plan_report_ : tuple of StepReport
+        What each step of the search cost and gained.
     n_simulations_ : int
         Those of part of a recording count like whole ones. Runs that propagate the noise of injected signals are not
         counted: some hundred for each recording and model that comes near to noise.
@@ -143,6 +148,7 @@ class CauseFinder(BaseEstimator):
         library_size: int = 2048,
         level: float = 0.9,
         events: Sequence[Event] | None = None,
+        plan: Sequence[str] | None = None,
         random_state: Any = None,
         checkpoint: str | PathLike[str] | None = None,
     ) -> None:
@@ -156,6 +162,7 @@ class CauseFinder(BaseEstimator):
         self.library_size = library_size
         self.level = level
         self.events = events
+        self.plan = plan
         self.random_state = random_state
         self.checkpoint = checkpoint
 
@@ -178,6 +185,7 @@ class CauseFinder(BaseEstimator):
         """
         started = perf_counter()
         self._check()
+        plan = check_plan(self.plan)
         observations = as_observations(self.simulator, X)
         most = self.simulator.usual_effects if self.max_effects is None else self.max_effects
         self.max_effects_ = check_integer(most, "max_effects", low=0)
@@ -199,6 +207,7 @@ class CauseFinder(BaseEstimator):
             significance=self.significance,
             seed=self._seed,
             journal=journal,
+            plan=plan,
         )
         count += problem.n_simulations
         z = [o.deviations(y)[o.mask] for o, y in zip(observations, nominal, strict=True)]
@@ -214,7 +223,7 @@ class CauseFinder(BaseEstimator):
             self.calibrator_ = self._calibrate(search.base.observations, search.base)
             count += self.calibrator_.n_simulations_
         self.residual_tests_, self.scores_ = search.residual_tests, search.scores
-        self.signatures_ = search.signatures
+        self.signatures_, self.plan_report_ = search.signatures, search.ledger.report
         ranked = sorted(search.hypotheses, key=lambda h: -search.scores[h.name])
         causes = rank_causes(search)
         self.causes_, self.hypotheses_, more = with_profiles(causes, ranked, search.measured, self._seed)
@@ -235,7 +244,7 @@ class CauseFinder(BaseEstimator):
             count + search.n_simulations + more,
         )
         diagnosis = found.diagnosis()
-        self.diagnosis_ = replace(diagnosis, seconds=perf_counter() - started)
+        self.diagnosis_ = replace(diagnosis, seconds=perf_counter() - started, plan=self.plan_report_)
         self.verdict_, self.groups_ = diagnosis.verdict, list(diagnosis.groups)
         self.input_locations_ = found.located[0] if diagnosis.input_locations else []
         self.n_simulations_ = diagnosis.n_simulations
@@ -362,7 +371,8 @@ class CauseFinder(BaseEstimator):
         """Finished parts of this very search."""
         if self.checkpoint is None:
             return Journal()
-        arguments = (self.max_effects_, self.n_fits, self.n_draws, self.significance)
+        plan = check_plan(self.plan)
+        arguments = (self.max_effects_, self.n_fits, self.n_draws, self.significance, plan)
         fingerprint = {
             "program": program(),
             "simulator": digest(type(self.simulator).__name__, self.simulator.settings()),

@@ -74,6 +74,13 @@ class CandidateSet:
         whole = self.residual_tests[self.base.name].excess
         return self.residual_tests[hypothesis.name].excess < share * whole
 
+    @property
+    def share_left(self) -> float:
+        """Smallest share of the excess of the parameters that one of them leaves, at most 1."""
+        whole = self.residual_tests[self.base.name].excess
+        least = min(self.residual_tests[h.name].excess for h in self.hypotheses)
+        return min(max(least / whole, 0.0), 1.0) if whole > 0 else 1.0
+
     def adds(self, hypothesis: Hypothesis) -> bool:
         """Whether each effect adds something: every fitted subset leaves notably more χ² beyond expected noise."""
         own = set(hypothesis.effects)

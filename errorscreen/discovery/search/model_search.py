@@ -53,44 +53,58 @@ class ModelSearch(Refinement):
         significance: float,
         seed: int,
         journal: Journal | None = None,
+        plan: Sequence[str] | None = None,
     ) -> None:
-        super().__init__(base, significance, seed, journal)
+        super().__init__(base, significance, seed, journal, plan)
         self.max_effects, self.n_fits, self.n_draws = max_effects, n_fits, n_draws
         self.signatures: dict[str, float] = {}
 
     def run(self, candidates: Sequence[Effect]) -> None:
-        """Try effects beside the parameters, and pairs of them as long as nothing is adequate."""
-        self._add_effects(candidates)
-        self._exchange_effects(candidates)
-        self._restart_nearest()
-        self._restart_again()
-        self._drop_effects()
-        self._complete_fits()
-        base = self.base
-        self.improve_base()
-        self._improve_parts(again=self.base is not base)
-        self._refine_values()
-        self._complete_fits()
+        """Try effects beside the parameters, and sets of them as long as nothing is adequate: the steps of the plan."""
+        steps: dict[str, Callable[[], None]] = {
+            "add effects": lambda: self._add_effects(candidates),
+            "exchange effects": lambda: self._exchange_effects(candidates),
+            "restart nearest": self._restart_nearest,
+            "restart again": self._restart_again,
+            "drop effects": self._drop_effects,
+            "complete fits": self._complete_fits,
+            "improve base": self.improve_base,
+            "improve parts": self._improve_parts,
+            "refine values": self._refine_values,
+        }
+        for name in self.plan:
+            if name in steps:
+                with self.ledger.entry(name, self):
+                    steps[name]()
 
     def _add_effects(self, candidates: Sequence[Effect]) -> None:
         """Forward selection: add one effect after another to the best fit, as long as nothing is adequate."""
         base = self.base
         for size in range(1, self.max_effects + 1):
             searches = self._add_one(base, candidates)
-            if size == 1 and not self._clearly_adequate and not self.explained(1, _NEARLY):
-                _log.info("joint fits of all %d from the nominal parameters", len(searches))
-                seeds = [self._seed(base, search.effect, 1) for search in searches]
-                fits = partial(fits_from_nominal, searches, self.n_fits, seeds, self.simulator.threads)
-                self._fit_sets(_problems(base, searches), fits)
-                self._improve_best(self.beside(base))
-            self.n_simulations += sum(search.problem.n_simulations for search in searches)
-            if size == 1 and not self.adequate and self.with_effects(1):
-                # pairs cost more, and make up for a wrong minimum
-                self._restart_everywhere(self.beside(base)[0])
+            nominal = size == 1 and "fits from nominal values" in self.plan
+            if nominal and not self._clearly_adequate and not self.explained(1, _NEARLY):
+                with self.ledger.entry("fits from nominal values", self):
+                    self._fit_from_nominal(base, searches)
+            alone = size == 1 and "restart before pairs" in self.plan
+            if alone and not self.adequate and self.with_effects(1):
+                with self.ledger.entry("restart before pairs", self):
+                    # pairs cost more, and make up for a wrong minimum
+                    self._restart_everywhere(self.beside(base)[0])
             best = self.nearest(size)
             if self.adequate or best is None or (size > 1 and not self.explained(size, PART)):
                 break
             base = best
+
+    def _fit_from_nominal(self, base: Hypothesis, searches: Sequence[SignatureSearch]) -> None:
+        """Fit all effects from the nominal parameters."""
+        _log.info("joint fits of all %d from the nominal parameters", len(searches))
+        before = _simulated(searches)
+        seeds = [self._seed(base, search.effect, 1) for search in searches]
+        fits = partial(fits_from_nominal, searches, self.n_fits, seeds, self.simulator.threads)
+        self._fit_sets(_problems(base, searches), fits)
+        self.n_simulations += _simulated(searches) - before
+        self._improve_best(self.beside(base))
 
     @property
     def _clearly_adequate(self) -> bool:
@@ -110,6 +124,7 @@ class ModelSearch(Refinement):
         known = {frozenset(e.name for e in h.effects) for h in self.hypotheses}
         fits = partial(fits_from_signatures, base, best, self.n_fits, known, threshold)
         self._fit_sets(_problems(base, best), fits)
+        self.n_simulations += _simulated(searches)
         self._improve_best(self.beside(base))
         return searches
 
@@ -250,16 +265,16 @@ class ModelSearch(Refinement):
             for effects in _without_each(best):
                 self._refit(effects, best, [best], everywhere=bool(effects))
 
-    def _improve_parts(self, again: bool) -> None:
+    def _improve_parts(self) -> None:
         """Improve single effects of the likely result that leave little, so that no pair is named for a stuck one.
-        With `again` they are fitted from the new fit without effects first.
+        They are fitted from the fit without effects first, if this is a new one.
         """
         best = max(self.adequate or self.hypotheses, key=lambda h: self.scores[h.name])
         if not best.effects:
             return
         for effects in [best.effects, *(_without_each(best) if len(best.effects) > 1 else [])]:
             fitted = self.fit_of(effects) or self._refit(effects, best, [best, self.base], everywhere=False)
-            if fitted is not None and again:
+            if fitted is not None and self.base_improved:
                 fitted = self._fit_from_base(fitted, best)
             if fitted is not None and len(effects) < len(best.effects) and self.leaves_less(fitted, NAMED):
                 self._restart_from_neighbours(fitted, best)
@@ -270,6 +285,10 @@ class ModelSearch(Refinement):
         off = self.base.deviations(names)
         on = np.where(np.isin(names, self.base.names), off, best.deviations(names))
         return self._try_starts(hypothesis, lambda _: [off, on]) or hypothesis
+
+
+def _simulated(searches: Sequence[SignatureSearch]) -> int:
+    return sum(search.problem.n_simulations for search in searches)
 
 
 def _without_each(hypothesis: Hypothesis) -> list[tuple[Effect, ...]]:

@@ -20,6 +20,7 @@ from errorscreen.discovery.judge.candidate_set import CandidateSet
 from errorscreen.discovery.judge.own_noise import own_noise
 from errorscreen.discovery.search.journal import Journal
 from errorscreen.discovery.search.partwise_fits import CHECKED, PartwiseFit, start_partwise
+from errorscreen.discovery.search.plan import Ledger, check_plan
 from errorscreen.discovery.starts.restarts import (
     fit_from_starts,
     move_off_edge,
@@ -62,11 +63,20 @@ _Proposal = Callable[[FitProblem], Sequence[_Array] | _Array]
 class Refinement(CandidateSet):
     """Fitted hypotheses, each of which can be improved; `measured` has the noise that was estimated without effects."""
 
-    def __init__(self, base: Hypothesis, significance: float, seed: int, journal: Journal | None) -> None:
+    def __init__(
+        self,
+        base: Hypothesis,
+        significance: float,
+        seed: int,
+        journal: Journal | None,
+        plan: Sequence[str] | None = None,
+    ) -> None:
         super().__init__(significance, seed)
+        self.plan, self.ledger = check_plan(plan), Ledger()
         self._journal = Journal() if journal is None else journal
         self.simulator, self.measured = base.simulator, base.observations
         self.n_simulations = 0
+        self.base_improved = False
         self._restarted: Counter[str] = Counter()  # how often each has been fitted from all over the ranges
         self._no_escape: set[float] = set()  # objectives of fits with no start that leads lower
         self._no_finer: set[float] = set()  # objectives of fits that were tried with a finer step
@@ -78,6 +88,12 @@ class Refinement(CandidateSet):
 
     def _leave_local_minima(self, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
         """Lead hypotheses out of local minima in parallel, unless they are known to have no way out."""
+        if "leave local minima" not in self.plan:
+            return list(hypotheses)
+        with self.ledger.entry("leave local minima", self):
+            return self._led(hypotheses)
+
+    def _led(self, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
         new = [h for h in hypotheses if h.objective not in self._no_escape]
         problems = {h.effects: _problem_of(h) for h in new}
         calls = [partial(self._lower_minimum, h, problems[h.effects]) for h in new]
@@ -128,7 +144,8 @@ class Refinement(CandidateSet):
         """Restart the fit without effects until nothing leads lower, because missing effects are judged against it."""
         base = self.base
         self._restart_from_neighbours(base)
-        if self.base is not base:
+        self.base_improved = self.base is not base
+        if self.base_improved:
             self._refine_step(self.base)
 
     @property
@@ -156,7 +173,13 @@ class Refinement(CandidateSet):
                 return
 
     def _refine_values(self) -> None:
-        """Lead the result out of local minima if an effect has many: its values count, not only its name."""
+        """Lead the result out of local minima if an effect has many: its values count, not only its name. Then complete
+        the fits again.
+        """
+        self._refine_likeliest()
+        self._complete_fits()
+
+    def _refine_likeliest(self) -> None:
         found = max(
             (h for h in self.adequate or self.hypotheses if h.effects),
             key=lambda h: self.scores[h.name],
@@ -187,9 +210,13 @@ class Refinement(CandidateSet):
         """Fit a hypothesis near noise again with a finer step and its own noise, which may explain the rest.
         If it becomes adequate, all others near noise are treated alike, so that evidences stay comparable.
         """
-        tried = hypothesis.objective in self._no_finer
+        tried = hypothesis.objective in self._no_finer or "finer step" not in self.plan
         if tried or self.is_adequate(hypothesis) or hypothesis.chi2_per_sample > _NEAR:
             return hypothesis
+        with self.ledger.entry("finer step", self):
+            return self._with_finer_step(hypothesis)
+
+    def _with_finer_step(self, hypothesis: Hypothesis) -> Hypothesis:
         self._no_finer.add(hypothesis.objective)
         reference = self.simulator.refined(_FINER)
         fine = hypothesis.simulator.with_step_of(reference)
