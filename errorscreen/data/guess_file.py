@@ -211,7 +211,8 @@ def _of_steps(time: _Array) -> dict[str, Guess]:
 
 def _frequency(wave: _Array, time: _Array) -> Guess:
     """Nominal frequency by the time that ten periods of a wave take."""
-    rising = time[1:][(wave[:-1] < 0) & (wave[1:] >= 0)]
+    at = np.flatnonzero((wave[:-1] < 0) & (wave[1:] >= 0))
+    rising = time[at] - wave[at] * (time[at + 1] - time[at]) / (wave[at + 1] - wave[at])
     ten = rising[10:] - rising[:-10]
     level = 10.0 / float(np.median(ten)) if len(ten) else np.nan
     for nominal in (50.0, 60.0):

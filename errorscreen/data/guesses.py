@@ -61,6 +61,8 @@ _BY_UNIT = {"V": "V", "kV": "V", "deg": "angle", "rad": "angle", "Hz": "f", "mHz
 #: words in headers of the excitation, whose V and A are not those of the terminal
 _EXCITATION = {"field", "exciter", "excitation", "efd", "vfd", "ufd", "ifd", "erregung", "erreger"}
 _NEUTRAL = re.compile(r"(?<![a-z0-9])(ln|l-n|phn|ph-n|line[ _-]to[ _-]neutral)(?![a-z0-9])", re.IGNORECASE)
+#: words in headers of a frequency less the nominal one
+_DEVIATION = {"dev", "deviation", "delta", "df", "dfreq", "abweichung"}
 #: words in headers that may stand for the angle or the frequency of the terminal, or for those of the rotor
 _OF_ROTOR = {"delta", "omega", "omegapu", "speed", "theta", "rotor", "polradwinkel"}
 #: pu that a voltage begins in, and that a current begins below
@@ -213,12 +215,14 @@ def guess_channels(
         words = _words_of(last)
         if words & _EXCITATION:
             continue
+        if unit in ("Hz", "mHz") and words & _DEVIATION:
+            unit = f"{unit} deviation"
         if role is None and "phase" in words and words & _WORDS["V"]:
             words = {"angle"}  # of a voltage, as Dynawo calls it
         if role in UNITS:
             found.setdefault(role, []).append((3, name, unit, "its header"))
-        elif unit in _BY_UNIT:
-            found.setdefault(_BY_UNIT[unit], []).append((2, name, unit, "its unit"))
+        elif unit is not None and (by_unit := unit.removesuffix(" deviation")) in _BY_UNIT:
+            found.setdefault(_BY_UNIT[by_unit], []).append((2, name, unit, "its unit"))
         elif role is None and (worded := next((r for r, known in _WORDS.items() if known & words), None)):
             found.setdefault(worded, []).append(
                 (1, name, known_unit(worded, unit or ""), "a word in its header")
@@ -328,20 +332,21 @@ def guess_level(kv: float, what: str, *, either: bool = False) -> tuple[Guess, d
         return Guess(1.0, f"{what} {kv:.4g} kV: no level to guess from", check=True), {}
     best, apart = nearest(kv)
     neutral, apart_neutral = nearest(np.sqrt(3) * kv)
+    also = [f"{one:g}" for one in LEVELS if one != best and abs(kv / one - 1.0) < _ALSO]
+    others = f", but {' and '.join(also)} kV {'is' if len(also) == 1 else 'are'} usual, too" if also else ""
     if either and apart <= _NEAR and apart_neutral < _NEAR_NEUTRAL:
-        others = f"; or {neutral:g} kV, if V is from line to neutral (line_neutral = true)"
+        of_neutral = f"; or {neutral:g} kV, if V is from line to neutral (line_neutral = true)"
         if abs(np.sqrt(3) * best / neutral - 1.0) > _SAME:
-            return Guess(best, f"{what} {kv:.4g} kV: the nearest usual level{others}", check=True), {}
+            return Guess(
+                best, f"{what} {kv:.4g} kV: the nearest usual level{others}{of_neutral}", check=True
+            ), {}
     if apart > _NEAR and apart_neutral < _NEAR_NEUTRAL:
         return Guess(neutral, f"{what} {kv:.4g} kV: {neutral:g}/√3, the nearest usual level"), {
             "line_neutral": True
         }
     if apart > _NEAR:
         return Guess(float(f"{kv:.3g}"), f"{what} {kv:.4g} kV, near no usual level", check=True), {}
-    also = [f"{one:g}" for one in LEVELS if one != best and abs(kv / one - 1.0) < _ALSO]
-    reason = f"{what} {kv:.4g} kV before the event: the nearest usual level"
-    if also:
-        reason += f", but {' and '.join(also)} kV is usual, too"
+    reason = f"{what} {kv:.4g} kV before the event: the nearest usual level{others}"
     return Guess(best, reason, check=apart > 0.02 or bool(also)), {}
 
 

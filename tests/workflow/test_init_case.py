@@ -456,3 +456,21 @@ def test_waves_of_several_places_in_a_record(tmp_path, kind):
     assert case.recording.waveforms.voltage == ["BUS VA", "BUS VB", "BUS VC"]
     assert case.recording.waveforms.current == ["BUS IA", "BUS IB", "BUS IC"]
     assert "the first of several sets, others: 'LINE VA'" in text
+
+
+def test_a_frequency_less_the_nominal_one(tmp_path):
+    V, _A, P, Q = VALUES.values()
+    mHz = 8.0 + 50.0 * (TIME >= 1.0) * np.exp(-(TIME - 1.0).clip(0))
+    headers = ["time", "V_pu", "FREQ DEV (mHz)", "P_MW", "Q_Mvar"]
+    written, case, recording, _ = initiated(write(tmp_path, headers, (V, mHz, P, Q)))
+    assert case.recording.columns["f"].unit == "mHz deviation"
+    assert recording.channel("f").values[:40] == pytest.approx(case.recording.f_nominal + 0.008, abs=1e-9)
+    assert any("angle of the voltage was not recorded" in text for text in written.check)
+
+
+@pytest.mark.parametrize(("kv", "others"), [(15.91, "15.75 and 16.5"), (21.4, "21 and 22")])
+def test_levels_beside_the_nearest_one_are_told(tmp_path, kv, others):
+    V, A, P, Q = VALUES.values()
+    *_, text = initiated(write(tmp_path, ["time", "V_kV", "angle_rad", "P_MW", "Q_Mvar"], (kv * V, A, P, Q)))
+    (line,) = [line for line in text.splitlines() if line.startswith("base_kv")]
+    assert all(f" {one}" in line for one in others.split(" and "))
