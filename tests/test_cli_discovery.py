@@ -104,7 +104,10 @@ def test_a_doubtful_sign_is_what_to_check_first(arguments, tmp_path, capsys):
     call = ["run", folder(tmp_path, text), "--out", str(out), "--quiet", *arguments]
     assert main(call) == 3
     assert main([*call, "--accept-readings"]) == 0
-    hint = "r: P before the event is -0.721 pu, but generation is positive: check its sign."
+    hint = (
+        "r: P before the event is -0.721 pu, but generation is positive: check its sign (sign = 'load' in its column, in "
+        "waveforms or in phasors)."
+    )
     first = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("Next: "))
     assert first == f"Next: {hint}"
     result = read_result(out / "result.json")

@@ -37,8 +37,8 @@ _TIMES, _ITERATIONS, _GAIN = 30, 2, 0.1
 _UNDAMPED, _KEPT = 8, 0.5
 #: step of its differences in u
 _STEP = 1e-2
-#: χ²/N above which noise does not matter: the correction lowers what is left beyond noise by half a per cent at most
-_FAR = 2.0
+#: χ²/N above which noise does not matter
+_FAR = 10.0
 
 
 def bias_corrected(search: BoundedSearch, problem: FitProblem, smooth: ArrayLike = True) -> BoundedSearch:

@@ -21,9 +21,6 @@ _FIRST_DAMPING, _LARGEST_DAMPING, _SMALLEST_DAMPING = 0.1, 1e6, 1e-9
 _JITTER = 1e-12
 #: a decrease below this share of the tolerance is no progress
 _NO_PROGRESS = 1e-2
-#: most steps with a Jacobian that is corrected instead of differentiated, and how much of the decrease that the linear
-#: model told the step before must have kept
-_CARRIED, _TRUE = 2, 0.5
 #: share of the χ² beyond noise that counts as one standard deviation of one parameter, where it is larger
 _BEYOND = 0.1
 #: steps along the prior: shares that are tried, most steps, and inverse weight of the residuals in them
@@ -35,10 +32,10 @@ _Array = NDArray[np.float64]
 @dataclass
 class Track:
     """One start and its current point u (k,), with residuals (N,), objective `cost`, and Jacobian (N, k) unless u is
-    newer. The Jacobian was differentiated `carried` steps ago, and corrected since. `latest` is the last one, `damping`
-    the last value that worked, `promise` the decrease of the objective that the undamped linear model promised. The
-    state is ``"active"``, ``"converged"``, ``"kink"`` (no step lowers the objective by enough, though less than one
-    standard deviation is promised, as where a limiter begins to act) or ``"stalled"`` (more is promised).
+    newer. `latest` is the last Jacobian, `damping` the last value that worked, `promise` the decrease of the objective
+    that the undamped linear model promised. The state is ``"active"``, ``"converged"``, ``"kink"`` (no step lowers the
+    objective by enough, though less than one standard deviation is promised, as where a limiter begins to act) or
+    ``"stalled"`` (more is promised).
     """
 
     u: _Array
@@ -47,7 +44,6 @@ class Track:
     jacobian: _Array | None = None
     latest: _Array | None = None
     central: bool = False
-    carried: int = 0
     damping: float = _FIRST_DAMPING
     promise: float = np.inf
     state: str = "active"
@@ -60,9 +56,6 @@ class BoundedSearch:
     point for each of seven damping values. A step is the exact minimiser of the damped linear model inside the bounds
     (`damped_minima`); a clipped Levenberg–Marquardt step would get stuck as soon as a bound is active. `tilt` adds a
     linear term to the objective.
-
-    After a step that the linear model told well, the Jacobian is corrected by it (C. G. Broyden, *Mathematics of
-    Computation* 19, 1965) and not differentiated anew; no track ends with such a one.
 
     Differences are one-sided until they lead no further, and central from there on: where a limiter begins to act, the
     slope of one side promises a descent that no step keeps, or hides one on the other side. NaN residuals mark a failed
@@ -154,11 +147,6 @@ class BoundedSearch:
         for track in active:
             A, g = self.normal_equations(track)
             track.promise = self._promise(track, A, g)
-            if track.carried and track.promise < self._enough(track):
-                track.jacobian = None
-                self._differentiate([track])
-                A, g = self.normal_equations(track)
-                track.promise = self._promise(track, A, g)
             if track.promise < self._enough(track):
                 self._stop(track, "converged")
             else:
@@ -176,12 +164,12 @@ class BoundedSearch:
         self.tracks = kept
 
     def _same(self, track: Track, better: Track) -> bool:
-        """Whether a track is at the point of a better one, as far as counts."""
+        """Whether a track is at the point of a better one; where more than noise is left, linear models tell little."""
         if better.latest is None:
             return False
         d = track.u - better.u
         moved = better.latest @ d
-        return float(moved @ moved + (d @ d) / self._prior**2) < self._enough(better)
+        return float(moved @ moved + (d @ d) / self._prior**2) < self._tol
 
     def undamped(self, track: Track) -> Track | None:
         """A track at the minimum of the linear model inside the bounds, whether the objective falls there or not; None
@@ -204,7 +192,7 @@ class BoundedSearch:
     def differentiate(self, tracks: list[Track]) -> None:
         """Give each track a Jacobian by central differences."""
         for track in tracks:
-            if not track.central or track.carried:
+            if not track.central:
                 track.central, track.jacobian = True, None
         self._differentiate(tracks)
 
@@ -251,7 +239,6 @@ class BoundedSearch:
             track.jacobian = track.latest = (
                 (values[0] - there) / np.where(width != 0, width, 1.0)[:, None]
             ).T
-            track.carried = 0
 
     def _ends(self, track: Track) -> _Array:
         """Values of each parameter at which residuals are needed, (2, k) or (1, k)."""
@@ -261,10 +248,8 @@ class BoundedSearch:
         return np.clip([track.u + inwards], self._lower, self._upper)
 
     def _stop(self, track: Track, state: str) -> None:
-        """End a track, or continue with a new Jacobian after a corrected one, or with central differences."""
-        if track.carried:
-            track.jacobian = None
-        elif track.central or not self._central:
+        """End a track, or continue with central differences after one-sided ones."""
+        if track.central or not self._central:
             track.state = state
         else:
             track.central, track.jacobian = True, None
@@ -324,35 +309,20 @@ class BoundedSearch:
         steps = np.array([self._minima(*system, d) for system, d in zip(systems, dampings, strict=True)])
         trials = np.clip(np.array([t.u for t in tracks])[:, None] + steps, self._lower, self._upper)
         z = self._residuals(trials.reshape(-1, trials.shape[-1])).reshape(*trials.shape[:2], -1)
-        for (track, A, g), damping, trial, values in zip(systems, dampings, trials, z, strict=True):
+        for track, damping, trial, values in zip(tracks, dampings, trials, z, strict=True):
             costs = self._costs(trial, values)
             costs[np.isnan(costs)] = np.inf
             best = int(np.argmin(costs))
             gain = track.cost - costs[best]
             if gain > 0:
-                d = trial[best] - track.u
-                self._carry(track, d, values[best], gain > -_TRUE * float(2 * g @ d + d @ A @ d))
                 track.u, track.residuals, track.cost = trial[best], values[best].copy(), float(costs[best])
-                track.damping = max(damping[best], _SMALLEST_DAMPING)
-            elif track.carried:
                 track.jacobian = None
-                continue
+                track.damping = max(damping[best], _SMALLEST_DAMPING)
             elif track.damping < _LARGEST_DAMPING:
                 track.damping *= _DAMPINGS[-1] / _DAMPINGS[0] * 10  # the next seven lie above all of these
                 continue
             if gain < self._enough(track, _NO_PROGRESS):
                 self._stop(track, "kink" if track.promise < self._unit(track) else "stalled")
-
-    @staticmethod
-    def _carry(track: Track, d: _Array, residuals: _Array, true: bool) -> None:
-        """Correct the Jacobian of a track for a step d (Broyden), unless the linear model was not `true` enough."""
-        if not true or track.carried == _CARRIED:
-            track.jacobian = None
-            return
-        assert track.jacobian is not None
-        missed = residuals - track.residuals - track.jacobian @ d
-        track.jacobian = track.latest = track.jacobian + np.outer(missed, d / (d @ d))
-        track.carried += 1
 
 
 def _moved(u: _Array, ends: _Array) -> _Array:

@@ -105,24 +105,6 @@ def test_what_is_smooth_and_beyond_noise_is_not_lowered_by_its_last_thousandth(n
     assert sizes[0] < 0.8 * sizes[1]
 
 
-def test_a_jacobian_is_carried_along_where_the_linear_model_holds():
-    """A nearly linear problem needs one of them at first, and one of its own at the end."""
-    rng = np.random.default_rng(3)
-    A, b = rng.standard_normal((60, 20)), rng.standard_normal(60)
-    sizes = []
-
-    def nearly_linear(u):
-        sizes.append(len(u))
-        return u @ A.T + 0.02 * (u @ A.T) ** 2 - b
-
-    search = run(nearly_linear, [-5] * 20, [5] * 20, np.full(20, 0.3), prior=10.0, tol=1e-6)
-    assert search.best.state == "converged"
-    assert not search.best.carried
-    gradient = search.normal_equations(search.best)[1]
-    assert np.abs(gradient).max() < 1e-2
-    assert sum(size in (20, 40) for size in sizes) < sum(size == 7 for size in sizes)
-
-
 def test_tracks_at_the_same_point_are_merged():
     search = run(rosenbrock, [-WIDE] * 2, [WIDE] * 2, [[-1.2, 1.0], [1.5, 1.5]], tol=1e-8)
     assert len(search.tracks) == 2

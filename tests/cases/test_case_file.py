@@ -304,7 +304,7 @@ BAD = {
     ),
     "unknown parameter": (
         replaced("Xd = {", "Xd2 = {"),
-        "unknown parameter 'Xd2' (did you mean 'Xd', 'Xd1'?). Allowed: Xd, Xd1, Xq, Xq1, Td10, Tq10, Tj, D.",
+        "unknown parameter 'Xd2' (did you mean 'Xd', 'Xd1'?). Allowed: Xd, Xd1, Xq, Xq1, Td10, Tq10, Tj, D, Ra.",
     ),
     "unknown candidate": (
         replaced("relative = 0.5", 'candidates = ["H"]'),
