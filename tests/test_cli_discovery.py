@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 import pytest
+from markupsafe import escape
 from threadpoolctl import threadpool_limits
 
 from errorscreen.cases import load_case
@@ -105,8 +106,8 @@ def test_a_doubtful_sign_is_what_to_check_first(arguments, tmp_path, capsys):
     assert main(call) == 3
     assert main([*call, "--accept-readings"]) == 0
     hint = (
-        "r: P before the event is -0.721 pu, but generation is positive: check its sign (sign = 'load' in its column, in "
-        "waveforms or in phasors)."
+        "r: P before the event is -0.721 pu, but generation is positive: check its sign (sign = 'load' in its column, "
+        "in waveforms or in phasors)."
     )
     first = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("Next: "))
     assert first == f"Next: {hint}"
@@ -115,7 +116,7 @@ def test_a_doubtful_sign_is_what_to_check_first(arguments, tmp_path, capsys):
     assert result.hints[0] == hint
     assert result.advice[:2] == result.hints
     assert result.hints[1].startswith("The model begins with typical values of Xd, Xd1")
-    assert f"<li>{hint}</li>" in (out / "report.html").read_text()
+    assert f"<li>{escape(hint)}</li>" in (out / "report.html").read_text()
 
 
 def test_the_least_first_look_works(tmp_path):

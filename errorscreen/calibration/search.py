@@ -155,22 +155,6 @@ class BoundedSearch:
             self._try_steps(going_on)
         return bool(self._active())
 
-    def merge(self) -> None:
-        """Drop each track that by the linear model of a better one is at the same point."""
-        kept: list[Track] = []
-        for track in sorted(self.tracks, key=lambda track: track.cost):
-            if not any(self._same(track, better) for better in kept):
-                kept.append(track)
-        self.tracks = kept
-
-    def _same(self, track: Track, better: Track) -> bool:
-        """Whether a track is at the point of a better one; where more than noise is left, linear models tell little."""
-        if better.latest is None:
-            return False
-        d = track.u - better.u
-        moved = better.latest @ d
-        return float(moved @ moved + (d @ d) / self._prior**2) < self._tol
-
     def undamped(self, track: Track) -> Track | None:
         """A track at the minimum of the linear model inside the bounds, whether the objective falls there or not; None
         where that promises too little, or fails.

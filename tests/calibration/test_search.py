@@ -105,16 +105,6 @@ def test_what_is_smooth_and_beyond_noise_is_not_lowered_by_its_last_thousandth(n
     assert sizes[0] < 0.8 * sizes[1]
 
 
-def test_tracks_at_the_same_point_are_merged():
-    search = run(rosenbrock, [-WIDE] * 2, [WIDE] * 2, [[-1.2, 1.0], [1.5, 1.5]], tol=1e-8)
-    assert len(search.tracks) == 2
-    search.merge()
-    assert len(search.tracks) == 1
-    other = run(lambda u: u**2 - 1.0, [-2.0], [2.0], [[0.5], [-0.5]], tol=1e-8)
-    other.merge()
-    assert sorted(track.u.round(3).item() for track in other.tracks) == [-1.0, 1.0]
-
-
 def test_without_central_differences_a_search_ends_with_one_sided_ones():
     search = BoundedSearch(
         exponential, [-WIDE] * 2, [WIDE] * 2, prior=1e6, tol=1e-6, step=1e-4, central=False

@@ -220,7 +220,6 @@ class JointFit:
         for _ in range(iterations):
             if not self._search.iterate():
                 break
-            self._search.merge()
         self.gained = before - self.objective
         return self
 
