@@ -39,9 +39,11 @@ def advice(diagnosis: Diagnosis, study: Study, hints: Sequence[str] = ()) -> lis
 
 def _at_bounds(diagnosis: Diagnosis) -> Iterator[str]:
     """Fitted parameters that end at a bound: a damping, or several, often make up for a part that is missing."""
-    names = [p.name for p in diagnosis.calibration.parameters if p.at_bound]
-    damping = any(name.rpartition(".")[2] == "D" for name in names)
-    if diagnosis.final.kind not in ("unknown", "parameters") or not (damping or len(names) > 1):
+    ended = {p.name: p.value for p in diagnosis.calibration.parameters if p.at_bound}
+    dampings = {name for name in ended if name.rpartition(".")[2] == "D"}
+    # a resistance may well be zero
+    names = [name for name, value in ended.items() if value or name in dampings]
+    if diagnosis.final.kind not in ("unknown", "parameters") or not (dampings or len(names) > 1):
         return
     yield (
         f"{listed(names)} {'ends' if len(names) == 1 else 'end'} at a bound. First allow a wider range, by relative in "

@@ -66,7 +66,10 @@ def test_doubts_come_first_whatever_the_verdict():
     ],
 )
 def test_values_at_bounds_are_a_sign_of_a_missing_part(names, beginning):
-    fitted = [Estimate(name, 2.0, np.nan, np.nan, True, nominal=1.0, lower=0.0, upper=2.0) for name in names]
+    ends = {"Ra": 0.0} | dict.fromkeys(names, 2.0)
+    fitted = [
+        Estimate(n, v, np.nan, np.nan, True, nominal=1.0, lower=0.0, upper=2.0) for n, v in ends.items()
+    ]
     calibration = Calibration("map", "all", tuple(fitted))
     found = diagnosis(Verdict("unknown", ""), causes=(UNKNOWN,), calibration=calibration)
     study = SimpleNamespace(simulator=MACHINE, discovery=SimpleNamespace(effects=None, enabled=True))
