@@ -102,6 +102,11 @@ def _of_record(path: Path) -> FileGuess:
     step = float(np.median(np.diff(time)))
     known = [(one.name, one.phase or phase_of(one.name), one.unit) for one in record.channels]
     waves, others = first_trios(known, f"file {path}") if step < 1 / 300 else (None, [])
+    if step < 1 / 300 and waves is None:
+        notes.append(
+            "Three voltages of the phases A, B and C were not found. If the channels are sampled waves, name them as "
+            "waveforms instead of columns: errorscreen keys recording.waveforms."
+        )
     f_nominal = record.frequency if record.frequency > 0 else None
     if waves is not None:
         found = _of_waves(table, time, waves, guess_frequency({}, f_nominal, step), "")
