@@ -17,7 +17,9 @@ _TOGETHER = "list it under [[together]] in the case file"
 
 
 def advice(diagnosis: Diagnosis, study: Study, hints: Sequence[str] = ()) -> list[str]:
-    """Advice that follows from a diagnosis, after `hints` (see `doubts`): a wrong unit can look like any cause."""
+    """Advice that follows from a diagnosis, after `hints` (see `doubts`): a wrong unit can look like any cause.
+    Typical values come last: where parameters suffice, they have been replaced by fitted ones.
+    """
     kind, first = diagnosis.final.kind, diagnosis.causes[0]
     out = [*hints, *_at_bounds(diagnosis), *(_apart(group) for group in diagnosis.groups)]
     if kind == "unknown":
@@ -34,7 +36,7 @@ def advice(diagnosis: Diagnosis, study: Study, hints: Sequence[str] = ()) -> lis
         out.append(
             f"Record another event of the same unit and hold it out: only that shows whether {whole} there too."
         )
-    return out
+    return [*out, *filter(None, [study.typical])]
 
 
 def _at_bounds(diagnosis: Diagnosis) -> Iterator[str]:

@@ -69,7 +69,7 @@ def result_of(
 ) -> Result:
     """Result of a study, with true values where those are known."""
     device = getattr(study.simulator, "device", None)
-    hints = [*doubts(study.observations), *filter(None, [study.typical])]
+    suspects = doubts(study.observations)
     contributions = _true_contributions(study)
     return Result(
         StudyInfo(
@@ -87,8 +87,8 @@ def result_of(
         tuple(_with_truth(one, study) for one in calibrations),
         tuple(ModelFit.of(label, study.observations, every) for label, every in responses.items()),
         first_look,
-        tuple(hints),
-        tuple(advice(diagnosis, study, hints)),
+        (*suspects, *filter(None, [study.typical])),
+        tuple(advice(diagnosis, study, suspects)),
         run,
     )
 

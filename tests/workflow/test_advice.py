@@ -38,14 +38,24 @@ MACHINE = SimpleNamespace(device=SimpleNamespace(ports={"Efd": "field voltage"})
 
 
 def told(
-    kind, *causes, groups=(), places=(), effects=None, gain=None, confirmed=None, hints=(), simulator=MACHINE
+    kind,
+    *causes,
+    groups=(),
+    places=(),
+    effects=None,
+    gain=None,
+    confirmed=None,
+    hints=(),
+    simulator=MACHINE,
+    typical="",
 ):
     """Advice on a verdict, and on another one after held-out recordings if that is given."""
     found = diagnosis(
         Verdict(kind, ""), causes=causes or (UNKNOWN,), groups=groups, input_locations=places, gain=gain,
         confirmed=Verdict(confirmed, "") if confirmed else None, calibration=Calibration("map", "all", ()),
     )  # fmt: skip
-    study = SimpleNamespace(simulator=simulator, discovery=SimpleNamespace(effects=effects, enabled=True))
+    discovery = SimpleNamespace(effects=effects, enabled=True)
+    study = SimpleNamespace(simulator=simulator, discovery=discovery, typical=typical)
     return " ".join(advice(found, study, hints))
 
 
@@ -72,12 +82,20 @@ def test_values_at_bounds_are_a_sign_of_a_missing_part(names, beginning):
     ]
     calibration = Calibration("map", "all", tuple(fitted))
     found = diagnosis(Verdict("unknown", ""), causes=(UNKNOWN,), calibration=calibration)
-    study = SimpleNamespace(simulator=MACHINE, discovery=SimpleNamespace(effects=None, enabled=True))
+    study = SimpleNamespace(
+        simulator=MACHINE, discovery=SimpleNamespace(effects=None, enabled=True), typical=""
+    )
     first = advice(found, study)[0]
     assert first.startswith(beginning) if beginning else "at a bound" not in first
     if beginning:
         assert "allow a wider range" in first
         assert "the model lacks a part" in first
+
+
+def test_typical_values_are_told_last():
+    text = told("parameters", PARAMETERS, typical="The model begins with typical values.")
+    assert text.endswith("The model begins with typical values.")
+    assert text.startswith("Record another event")
 
 
 def test_a_verdict_that_nothing_confirms_asks_for_another_event():
