@@ -386,6 +386,14 @@ def test_damaged_stages_are_computed_again(tmp_path, caplog):
     assert second.calibration[0].parameters == first.calibration[0].parameters
 
 
+def test_a_pipe_that_closes_early_leaves_no_traceback():
+    command = [sys.executable, "-m", "errorscreen", "keys"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        process.stdout.close()
+        assert "Traceback" not in process.stderr.read()
+    assert process.returncode == 1
+
+
 def test_version_and_help(capsys):
     for argument in ("--version", "--help"):
         with pytest.raises(SystemExit) as caught:

@@ -359,3 +359,7 @@ def test_a_description_as_an_object():
         current_unit="kA",
     )
     check(es.read(pd.DataFrame({"time": TIME, **CELLS}), phasors=spec, **BASES))
+
+
+def test_phasors_are_not_said_to_be_measured_between_lines():
+    assert not any("line to line" in text for text in read(CELLS, POLAR).assumptions)

@@ -474,3 +474,12 @@ def test_levels_beside_the_nearest_one_are_told(tmp_path, kv, others):
     *_, text = initiated(write(tmp_path, ["time", "V_kV", "angle_rad", "P_MW", "Q_Mvar"], (kv * V, A, P, Q)))
     (line,) = [line for line in text.splitlines() if line.startswith("base_kv")]
     assert all(f" {one}" in line for one in others.split(" and "))
+
+
+def test_minutes_are_no_rival_of_seconds(tmp_path):
+    """Nobody records a disturbance with a sample in 1.2 s who could have one in 20 ms."""
+    headers = ["t", "V_pu", "angle_rad", "P_MW", "Q_Mvar"]
+    *_, text = initiated(write(tmp_path, headers, VALUES.values()))
+    (line,) = [line for line in text.splitlines() if line.startswith("time_unit")]
+    assert line.startswith('time_unit = "s"')
+    assert "min" not in line
