@@ -109,7 +109,7 @@ def _rates(rows: Sequence[_Record]) -> _Record:
 
 
 def _compared(whole: Sequence[_Record], rows: Sequence[_Record]) -> _Record:
-    """Scenarios lost and gained without a step, and what it costs."""
+    """Scenarios lost and gained without a step, and its cost."""
     pairs = list(zip(whole, rows, strict=True))
     before, after = ([row["outcome"] == "correct" for row in some] for some in (whole, rows))
     numbers = [row["number"] for row in whole]

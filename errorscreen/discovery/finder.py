@@ -185,7 +185,6 @@ class CauseFinder(BaseEstimator):
         """
         started = perf_counter()
         self._check()
-        plan = check_plan(self.plan)
         observations = as_observations(self.simulator, X)
         most = self.simulator.usual_effects if self.max_effects is None else self.max_effects
         self.max_effects_ = check_integer(most, "max_effects", low=0)
@@ -207,7 +206,7 @@ class CauseFinder(BaseEstimator):
             significance=self.significance,
             seed=self._seed,
             journal=journal,
-            plan=plan,
+            plan=self.plan,
         )
         count += problem.n_simulations
         z = [o.deviations(y)[o.mask] for o, y in zip(observations, nominal, strict=True)]
@@ -273,9 +272,8 @@ class CauseFinder(BaseEstimator):
             If one of the recordings was fitted.
         """
         check_is_fitted(self, "diagnosis_")
-        return self._findings.confirmed(
-            self.diagnosis_, held_out_observations(self.simulator, held_out, self._findings.observations)
-        )
+        observed = held_out_observations(self.simulator, held_out, self._findings.observations)
+        return self._findings.confirmed(self.diagnosis_, observed)
 
     def measure_gain(self, held_out: Any) -> Gain:
         """Gain of the extended simulator on recordings that were not fitted.
@@ -293,9 +291,8 @@ class CauseFinder(BaseEstimator):
             If one of the recordings was fitted.
         """
         check_is_fitted(self, "diagnosis_")
-        return self._findings.gain(
-            held_out_observations(self.simulator, held_out, self._findings.observations)
-        )
+        observed = held_out_observations(self.simulator, held_out, self._findings.observations)
+        return self._findings.gain(observed)
 
     def predict(self, event: Any = None) -> _Array:
         """Response (R, L) of the extended simulator to an event, or to that of a recording."""
@@ -343,6 +340,7 @@ class CauseFinder(BaseEstimator):
         for name in ("n_fits", "n_draws", "n_starts", "library_size"):
             check_integer(getattr(self, name), name)
         check_real(self.significance, "significance", low=_LEAST, high=1.0)
+        check_plan(self.plan)
         if isinstance(self.events, Event):
             raise InputError("events is a single event", allowed="a list of events")
         for event in self.events or ():
@@ -371,8 +369,7 @@ class CauseFinder(BaseEstimator):
         """Finished parts of this very search."""
         if self.checkpoint is None:
             return Journal()
-        plan = check_plan(self.plan)
-        arguments = (self.max_effects_, self.n_fits, self.n_draws, self.significance, plan)
+        arguments = (self.max_effects_, self.n_fits, self.n_draws, self.significance, check_plan(self.plan))
         fingerprint = {
             "program": program(),
             "simulator": digest(type(self.simulator).__name__, self.simulator.settings()),
