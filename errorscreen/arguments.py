@@ -115,7 +115,9 @@ def _add_benchmarks(commands: Any, functions: Mapping[str, Callable[..., Any]]) 
     paper.add_argument("--jobs", type=int, default=-1, help="processes (default: one for each core)")
     paper.set_defaults(command=functions["paper"], default_out="errorscreen-paper", interrupted=_RESUMABLE)
     found = kinds.add_parser("discovery", help="how often causes are found, on hidden scenarios")
-    found.add_argument("--case", default="plant", help="plant, ieee39 or traps (default plant)")
+    found.add_argument(
+        "--case", default="plant", help="plant, ieee39, traps, andes or models (default plant)"
+    )
     found.add_argument("--scenarios", type=int, default=200, help="hidden scenarios (default 200)")
     found.add_argument("--seed", type=int, default=0, help="of everything that is drawn (default 0)")
     found.add_argument(
@@ -124,8 +126,7 @@ def _add_benchmarks(commands: Any, functions: Mapping[str, Callable[..., Any]]) 
     found.add_argument(
         "--least-size",
         type=float,
-        default=3.0,
-        help="least part of an effect that survives a refit, in multiples of the noise (default 3)",
+        help="least part of an effect that survives a refit, in multiples of the noise (default 3; of units 1)",
     )
     found.add_argument(
         "--largest-size",
@@ -137,7 +138,9 @@ def _add_benchmarks(commands: Any, functions: Mapping[str, Callable[..., Any]]) 
         command=functions["discovery"], default_out="errorscreen-discovery", interrupted=_RESUMABLE
     )
     without = kinds.add_parser("ablation", help="what each step of the search is worth, on hidden scenarios")
-    without.add_argument("--case", default="plant", help="plant, ieee39 or traps (default plant)")
+    without.add_argument(
+        "--case", default="plant", help="plant, ieee39, traps, andes or models (default plant)"
+    )
     without.add_argument("--scenarios", type=int, default=40, help="hidden scenarios (default 40)")
     without.add_argument("--seed", type=int, default=0, help="of everything that is drawn (default 0)")
     without.add_argument(

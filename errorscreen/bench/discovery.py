@@ -24,6 +24,12 @@ from errorscreen.bench.plant_scenarios import draw_plant_scenario
 from errorscreen.bench.scenarios import LEAST_SIZE, MIX, Scenario, check_sizes
 from errorscreen.bench.timing import machine
 from errorscreen.bench.trap_scenarios import TRAP_MIX, draw_trap_scenario
+from errorscreen.bench.unit_scenarios import (
+    ANDES_MIX,
+    MODELS_MIX,
+    draw_andes_scenario,
+    draw_models_scenario,
+)
 from errorscreen.calibration.problem import FitProblem
 from errorscreen.discovery import CauseFinder
 from errorscreen.discovery.fits.hypotheses import JointFit
@@ -45,7 +51,13 @@ CASES: dict[str, tuple[Callable[..., Scenario], tuple[tuple[str, float], ...]]] 
     "plant": (draw_plant_scenario, MIX),
     "ieee39": (draw_grid_scenario, MIX),
     "traps": (draw_trap_scenario, TRAP_MIX),
+    "andes": (draw_andes_scenario, ANDES_MIX),
+    "models": (draw_models_scenario, MODELS_MIX),
 }
+#: cases whose hidden effects have a strength to scale
+_SCALED = ("plant", "ieee39")
+#: least sizes other than `LEAST_SIZE`: parameters of a unit make up for most of a part
+_LEAST = {"andes": 1.0, "models": 1.0}
 #: a group that holds the right name counts as correct if it has at most so many members
 _LARGEST_GROUP = 2
 #: iterations of the fit of the true structure, which starts at the true values
@@ -63,7 +75,7 @@ def discovery_study(
     scenarios: int = 200,
     seed: int = 0,
     noise_db: float = 40.0,
-    least_size: float = LEAST_SIZE,
+    least_size: float | None = None,
     largest_size: float | None = None,
     kinds: Sequence[str] | None = None,
     plan: Sequence[str] | None = None,
@@ -81,16 +93,19 @@ def discovery_study(
     ----------
     out : str or Path
         Folder; made where it is missing.
-    case : {"plant", "ieee39", "traps"}
+    case : {"plant", "ieee39", "traps", "andes", "models"}
+        Where the hidden truth comes from: equations of the case study in playback, the 39-bus system, general ODE
+        models, units of standard models simulated by ANDES (extra ``andes``), or by our own models.
     scenarios : int
     seed : int
         A scenario does not depend on the number of scenarios.
     noise_db : float
         Level of each channel's deviation from its value before the event over that of the noise, both rms.
-    least_size : float
-        Least size of a hidden effect: the part that a refit of the parameters leaves, in multiples of the noise.
+    least_size : float, optional
+        Least size of a hidden effect: the part that a refit of the parameters leaves, in multiples of the noise; 3
+        where not given, and 1 of units of standard models, whose parameters make up for most of a part.
     largest_size : float, optional
-        Scales strengths to sizes drawn between the two, evenly by order of magnitude; not for traps.
+        Scales strengths to sizes drawn between the two, evenly by order of magnitude; for plant and ieee39.
     kinds : sequence of str, optional
         Kinds to hide in turn, instead of the shares of the case.
     plan : sequence of str, optional
@@ -126,12 +141,16 @@ def discovery_study(
     scenarios = check_integer(scenarios, "the number of scenarios", low=1)
     seed = check_integer(seed, "the seed", low=0, high=2**32 - 1)
     noise_db = check_real(noise_db, "noise_db", low=0.0, high=100.0)
-    least_size = check_real(least_size, "the least size", low=0.0)
+    least_size = check_real(
+        _LEAST.get(case, LEAST_SIZE) if least_size is None else least_size, "the least size", low=0.0
+    )
     if largest_size is not None:
         largest_size = check_real(largest_size, "the largest size", low=0.0)
         check_sizes(least_size, largest_size)
-        if case == "traps":
-            raise InputError("effects of traps are not scaled to a size", allowed="a case other than traps")
+        if case not in _SCALED:
+            raise InputError(
+                f"effects of the case {case} are not scaled to a size", allowed=", ".join(_SCALED)
+            )
     _, mix = CASES[case]
     if kinds is not None and not kinds:
         raise InputError("the list of kinds is empty", allowed=", ".join(dict(mix)), where="kinds")
@@ -194,7 +213,7 @@ def result_of(
         "least_size": least_size,
         "mix": dict(mix) if kinds is None else {kind: kinds.count(kind) / len(kinds) for kind in kinds},
         "scenarios": list(rows),
-        **summarise(rows),
+        **summarise(rows, dict(mix)),
     }
 
 
@@ -305,20 +324,19 @@ def _left(finder: CauseFinder) -> list[float | None]:
 def _outcome(hidden: Scenario, verdict: str, answers: Sequence[tuple[str, ...]]) -> str:
     """``"correct"``, ``"wrong"``, ``"unknown"``, ``"missed"`` (explained by parameters) or ``"false alarm"``."""
     if verdict in ("within-noise", "parameters"):
-        return "correct" if hidden.kind == "nothing" else "missed"
-    if hidden.kind == "nothing":
+        return "correct" if hidden.hides_nothing else "missed"
+    if hidden.hides_nothing:
         return "false alarm"
     if verdict == "unknown":
         return "correct" if hidden.kind == "outside" else "unknown"
-    right = set(hidden.effects)
-    return "correct" if right and any(set(answer) == right for answer in answers) else "wrong"
+    return "correct" if any(frozenset(answer) in hidden.answers for answer in answers) else "wrong"
 
 
 def _top_is_right(hidden: Scenario, name: str, structures: Mapping[str, tuple[str, ...]]) -> bool:
     """Whether the first cause is right; `structures` tells the effects of each hypothesis."""
-    if hidden.kind in ("nothing", "outside"):
-        return name == {"nothing": "parameters", "outside": "unknown"}[hidden.kind]
-    return set(structures.get(name, ())) == set(hidden.effects)
+    if hidden.hides_nothing or hidden.kind == "outside":
+        return name == ("parameters" if hidden.hides_nothing else "unknown")
+    return frozenset(structures.get(name, ())) in hidden.answers
 
 
 def _intervals(hidden: Scenario, finder: CauseFinder) -> list[_Record]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from errorscreen._runtime.persistence import write_json_atomic, write_text_atomic
-from errorscreen.bench.discovery_rates import OUTCOMES, rate_of
+from errorscreen.bench.discovery_rates import OUTCOMES, hides_one, rate_of
 from errorscreen.bench.markdown import table_lines
 from errorscreen.data.panels import COLOURS, figure_of
 
@@ -94,7 +94,7 @@ def _counts(counts: dict[str, dict[str, int]]) -> list[list[Any]]:
 
 def by_size(result: dict[str, Any]) -> list[dict[str, Any]]:
     """Outcomes of single effects and measurement faults by size in multiples of the noise."""
-    rows = [r for r in result["scenarios"] if r["truth"]["kind"] in ("effect", "other form", "measurement")]
+    rows = [r for r in result["scenarios"] if hides_one(r)]
     found = []
     for low, high in pairwise(_SIZES):
         inside = [r for r in rows if low <= r["truth"]["size"] < high]

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 from scipy.stats import binomtest
 
-from errorscreen.bench.scenarios import MIX
+from errorscreen.bench.scenarios import MIX, NOTHING
 
 #: bins of the reliability, and probability of the intervals of rates
 _BINS, _LEVEL = 10, 0.95
@@ -18,13 +18,13 @@ OUTCOMES = ("correct", "wrong", "unknown", "missed")
 _Record = dict[str, Any]
 
 
-def summarise(rows: Sequence[_Record]) -> dict[str, Any]:
+def summarise(rows: Sequence[_Record], kinds: Iterable[str] = tuple(dict(MIX))) -> dict[str, Any]:
     """Rates with exact binomial intervals, ratios of held-out errors, and calibration of the probabilities."""
 
     def of_kind(*kinds: str) -> list[_Record]:
         return [r for r in rows if r["truth"]["kind"] in kinds]
 
-    single, both = of_kind("effect", "other form", "measurement"), of_kind("two effects")
+    single, both = [r for r in rows if hides_one(r)], of_kind("two effects")
     outside = of_kind("outside")
     places = [(r["place"] or {}, r["truth"]) for r in outside]
     devices = [place.get("device") == truth["device"] for place, truth in places]
@@ -32,7 +32,7 @@ def summarise(rows: Sequence[_Record]) -> dict[str, Any]:
     intervals = [(found["true"], found["interval"]) for r in rows for found in r.get("intervals", [])]
     rates = {
         **{outcome: rate_of([r["outcome"] == outcome for r in single]) for outcome in OUTCOMES},
-        "false_alarm": rate_of([r["outcome"] == "false alarm" for r in of_kind("nothing")]),
+        "false_alarm": rate_of([r["outcome"] == "false alarm" for r in of_kind(*NOTHING)]),
         "outside_unknown": rate_of([r["verdict"] == "unknown" for r in outside]),
         "outside_place": rate_of(devices),
         "outside_port": rate_of([d and p for d, p in zip(devices, ports, strict=True)]),
@@ -40,7 +40,7 @@ def summarise(rows: Sequence[_Record]) -> dict[str, Any]:
         "both_wrong": rate_of([not set(r["named"]) <= set(r["truth"]["right"]) for r in both]),
         "interval_holds": rate_of([bool(low <= true <= high) for true, (low, high) in intervals]),
     }
-    hiding = [r for r in rows if r["truth"]["kind"] != "nothing"]
+    hiding = [r for r in rows if r["truth"]["kind"] not in NOTHING]
     by_device = {
         device: _counts([r for r in hiding if r["truth"]["device"] == device], OUTCOMES)
         for device in sorted({r["truth"]["device"] for r in rows} - {""})
@@ -48,7 +48,7 @@ def summarise(rows: Sequence[_Record]) -> dict[str, Any]:
     right = [r for r in rows if r["truth"]["right"] and r["outcome"] == "correct"]
     return {
         "rates": rates,
-        "by_kind": {kind: _counts(of_kind(kind), (*OUTCOMES, "false alarm")) for kind, _ in MIX},
+        "by_kind": {kind: _counts(of_kind(kind), (*OUTCOMES, "false alarm")) for kind in kinds},
         "by_device": by_device,
         "held_out_ratio_median": _ratio(right, "extended", "recalibrated"),
         "true_structure_ratio_median": _ratio(right, "extended", "true_structure"),
@@ -58,6 +58,11 @@ def summarise(rows: Sequence[_Record]) -> dict[str, Any]:
         "seconds_max": float(max(r["seconds"] for r in rows)),
         "simulations_median": float(np.median([r["simulations"] for r in rows])),
     }
+
+
+def hides_one(row: _Record) -> bool:
+    """Whether a scenario hides one thing that the library can name."""
+    return row["truth"]["kind"] not in (*NOTHING, "outside", "two effects")
 
 
 def _counts(rows: Sequence[_Record], outcomes: Sequence[str]) -> dict[str, int]:

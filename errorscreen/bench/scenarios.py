@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,8 @@ MIX = (
 )
 #: kinds whose hidden effects are in the library
 HELD = ("effect", "two effects", "measurement")
+#: kinds that hide nothing but deviating parameters, if any
+NOTHING = ("nothing", "healthy")
 #: least size of a hidden effect, see `Scenario`
 LEAST_SIZE = 3.0
 #: draws of an effect until one is large enough
@@ -48,7 +51,8 @@ class Scenario:
     """A hidden truth and its recordings.
 
     `effects` names effects of the library that are right, `hidden` the hidden ones, of which those of the library are
-    the `structure`; `values` are their parameters. `size` is the smallest of theirs, see `surviving`. `simulator` is
+    the `structure`; `values` are their parameters. Where several names are right for a hidden effect, `alternatives`
+    has them all, for each hidden one. `size` is the smallest of theirs, see `surviving`. `simulator` is
     the model to fit, and `truths` (R, L) are the responses to the held-out events without noise.
     """
 
@@ -65,6 +69,18 @@ class Scenario:
     truths: tuple[_Array, ...]
     structure: tuple[str, ...]
     values: _Array
+    alternatives: tuple[tuple[str, ...], ...] = ()
+
+    @property
+    def answers(self) -> set[frozenset[str]]:
+        """Sets of names that are right; none where nothing of the library is."""
+        right = self.alternatives or tuple((name,) for name in self.effects)
+        return {frozenset(names) for names in product(*right)} if right else set()
+
+    @property
+    def hides_nothing(self) -> bool:
+        """Whether parameters alone are right."""
+        return self.kind in NOTHING
 
 
 @dataclass(frozen=True)

@@ -258,7 +258,7 @@ def test_a_study_goes_on_where_it_stopped(tmp_path, capsys):
         ({"noise_db": 200.0}, "noise_db"),
         ({"least_size": -1.0}, "the least size"),
         ({"largest_size": 3.0}, "0 < least size < largest size"),
-        ({"largest_size": 9.0, "case": "traps"}, "a case other than traps"),
+        ({"largest_size": 9.0, "case": "traps"}, "of the case traps are not scaled to a size"),
         ({"kinds": ("efect",)}, r"unknown kind 'efect' \(did you mean 'effect'"),
         ({"n_jobs": 0}, "the number of jobs is 0"),
     ],
