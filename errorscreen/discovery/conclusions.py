@@ -9,7 +9,7 @@ import numpy as np
 
 from errorscreen.discovery.fits.hypotheses import CORNER, Hypothesis
 from errorscreen.discovery.judge.gain import Gain
-from errorscreen.discovery.judge.ranking import Cause, NamedEffect
+from errorscreen.discovery.judge.ranking import Cause, NamedEffect, certainty
 from errorscreen.discovery.judge.residual_test import ResidualTest
 from errorscreen.discovery.unknown_input.locations import InputLocation
 from errorscreen.effects.base import Effect
@@ -19,6 +19,9 @@ from errorscreen.simulators.base import Simulator
 _PLACEBO = 0.05
 #: a location whose signal explains less than this share of the error is a weak hint
 LITTLE = 0.5
+#: least share of the error that parameters leave, and of the squared error of recordings that were not fitted, that a
+#: mechanism explains which is told as the nearest one
+NEAR = 0.5
 #: explanations at least so many times as probable as the first are named with it
 ALIKE = 1 / 20
 #: most names in a sentence, and most recordings for which the time is told at which an effect acts
@@ -67,11 +70,35 @@ def named_text(cause: Cause, chosen: Hypothesis, base: Hypothesis, alike: Sequen
     text += (
         f" χ²/N is {base.chi2_per_sample:.3g} with parameters alone and {chosen.chi2_per_sample:.3g} with it."
     )
+    if certainty(base) < 1.0:
+        text += f" Only {len(base.residuals)} readings were compared: many forms can explain so few."
     if not chosen.at_rest:
         text += (
             " Its fit did not end at a minimum, because of limiters or jumps: other values may fit better."
         )
     return text + alike_text(alike) + _cornered(base)
+
+
+def nearest(causes: Sequence[Cause]) -> Cause | None:
+    """The likeliest mechanism beside an unknown cause that explains at least half of what parameters leave.
+
+    None if there is none. Faults of the measurement and events of one recording are no mechanisms of the model, and one
+    whose strength ends at a bound would go beyond what makes sense.
+    """
+    mechanisms = (c for c in causes if c.kind == "effect" and not c.event and c.explained >= NEAR)
+    # the first parameter is the strength, unless the effect is a switch
+    return next((c for c in mechanisms if not any(p.at_bound for p in c.parameters[:1])), None)
+
+
+def nearest_text(cause: Cause, gain: Gain, twins: Sequence[str]) -> str:
+    """Reasons for a verdict that tells a mechanism as the nearest one."""
+    low, high = gain.interval
+    return (
+        f"The nearest mechanism is: {cause.title}. On recordings that were not fitted it removes "
+        f"{100 * gain.gain:.0f} % [{100 * low:.0f}, {100 * high:.0f}] of the squared error that parameters leave. It "
+        f"leaves {100 * (1.0 - cause.explained):.2g} % of the error of the fitted ones, more than noise: its form "
+        "differs from the library's, and its values are the nearest ones." + alike_text(twins)
+    )
 
 
 def acting_text(effects: Sequence[NamedEffect]) -> str:
@@ -109,8 +136,17 @@ def alike_text(names: Sequence[str]) -> str:
     return f" These recordings cannot tell it from: {', '.join(names)}." if names else ""
 
 
-def unknown_text(tried: Sequence[str], whole: bool, base: Hypothesis, closest: Hypothesis) -> str:
-    """Reasons for the verdict "unknown", with the tried effects, parameters alone (`base`) and the most evident fit."""
+def unknown_text(
+    tried: Sequence[str],
+    whole: bool,
+    base: Hypothesis,
+    test: ResidualTest,
+    closest: Hypothesis,
+    near: Cause | None = None,
+) -> str:
+    """Reasons for the verdict "unknown", with the tried effects, parameters alone (`base`) and the test of what they
+    leave, the most evident fit, and the mechanism that comes nearest.
+    """
     leaves = f"χ²/N {base.chi2_per_sample:.3g}"
     if not base.at_rest:
         return (
@@ -126,6 +162,12 @@ def unknown_text(tried: Sequence[str], whole: bool, base: Hypothesis, closest: H
         if closest.effects:
             text += f", and the nearest effect, {closest.name}, leaves {closest.chi2_per_sample:.3g}"
         text += "."
+    text += f" Most of it is in {_cell_text(test)}."
+    if near is not None:
+        text += (
+            f" The nearest mechanism is: {near.title}. It leaves {100 * (1.0 - near.explained):.2g} % of the error "
+            "that parameters leave; recordings that were not fitted tell whether it is of this kind."
+        )
     return text + _cornered(base)
 
 
@@ -133,11 +175,18 @@ def conspicuous_text(test: ResidualTest, significance: float) -> str:
     """Remark on parameters that are kept although one cell of the error exceeds noise; empty if none does."""
     if test.p_value > significance:
         return ""
-    worst = test.significant[0] if test.significant else max(test.cells, key=lambda c: c.ratio)
     return (
-        f" The most conspicuous cell is {worst.channel} of {worst.recording}, {worst.stage}: {worst.ratio:.2g} times "
-        f"the energy of noise (noise alone: p = {test.p_value:.2g}). No effect explains it better."
+        f" The most conspicuous cell is {_cell_text(test)} (noise alone: p = {test.p_value:.2g}). No effect explains "
+        "it better."
     )
+
+
+def _cell_text(test: ResidualTest) -> str:
+    """The most conspicuous cell of an error in words."""
+    worst = test.significant[0] if test.significant else max(test.cells, key=lambda c: c.ratio)
+    low, high = worst.band
+    band = f"{low:.2g} to {high:.2g} Hz" if np.isfinite(high) else f"above {low:.2g} Hz"
+    return f"{worst.channel} of {worst.recording}, {worst.stage}, {band}: {worst.ratio:.2g} times the energy of noise"
 
 
 def _cornered(base: Hypothesis) -> str:
@@ -156,8 +205,8 @@ def location_text(locations: Sequence[InputLocation], simulator: Simulator) -> s
         first = locations[0]
         percent = np.floor(1000.0 * first.explained) / 10.0  # never rounded up to all of it
         text = (
-            f"An unknown input at {first.name} would explain it best: {percent:.3g} % of the error that "
-            f"parameters leave ({first.text})."
+            f"Something unknown enters at {first.name}: {first.text}. It explains {percent:.3g} % of the error that "
+            "parameters leave."
         )
         alike = other_locations(locations)
         if alike:

@@ -130,9 +130,14 @@ class Diagnosis:
         return self.confirmed or self.verdict
 
     @property
+    def named(self) -> Cause:
+        """The cause that the model is extended by, or the most probable one."""
+        return next((c for c in self.causes if c.effects and c.effects == self.extension), self.causes[0])
+
+    @property
     def refuted(self) -> bool:
         """Whether held-out recordings contradict the verdict."""
-        return self.confirmed is not None and self.confirmed.kind != self.verdict.kind
+        return self.confirmed is not None and self.confirmed.kind not in (self.verdict.kind, "nearest")
 
     def model(self, label: str) -> ModelFit | None:
         """Errors of one model; None if there is no such model."""

@@ -27,7 +27,7 @@ from errorscreen.discovery.diagnosis import (
 from errorscreen.discovery.fits.hypotheses import Hypothesis
 from errorscreen.discovery.judge.candidate_set import CandidateSet
 from errorscreen.discovery.judge.errors import ModelFit
-from errorscreen.discovery.judge.gain import Gain, measure_gain
+from errorscreen.discovery.judge.gain import Gain, deviations_of, measure_gain
 from errorscreen.discovery.judge.ranking import Cause, half_width
 from errorscreen.discovery.judge.separation import Group, differing, group_of
 from errorscreen.discovery.judge.verdict import Verdict, judge
@@ -40,6 +40,10 @@ from errorscreen.simulators.base import Simulator
 _CELLS = 12
 #: verdicts that name something
 _NAMED = ("effect", "measurement")
+#: least correlation of what two effects change in held-out recordings to be forms of the same mechanism
+_TWIN = 0.9
+#: explanations that are compared with the named one on held-out recordings, at most
+_RIVALS = 6
 
 _Array = NDArray[np.float64]
 
@@ -137,11 +141,14 @@ class Findings:
                 text += " No recording was held out, so the gain is not confirmed on another event."
             verdict = Verdict(first.kind, text)
         else:
-            text = conclusions.unknown_text(self.tried, self.whole, base, self.hypotheses[0])
+            near = conclusions.nearest(self.causes)
+            test = self.search.residual_tests[base.name]
+            text = conclusions.unknown_text(self.tried, self.whole, base, test, self.hypotheses[0], near)
             # unless the fit ended, other parameters may fit better, and nobody can tell where the rest enters
             if base.at_rest:
                 locations, groups, count = self.located
-                text += f" {conclusions.location_text(locations, self.simulator)}"
+                where = conclusions.location_text(locations, self.simulator)
+                text = f"{where} {text}" if locations else f"{text} {where}"
             verdict = Verdict("unknown", text)
         tests, scores = self.search.residual_tests, self.search.scores
         found = Diagnosis(
@@ -179,15 +186,19 @@ class Findings:
         changes: dict[str, Any] = {"confirmed": found.verdict}
         if found.verdict.kind in _NAMED:
             changes = self._confirmed_effects(found, others)
-        elif found.verdict.kind != "unknown":
+        elif found.verdict.kind == "unknown":
+            changes = self._confirmed_nearest(found, others)
+        else:
             verdict = self._judged(found.groups, others)
             changes = {"confirmed": verdict, "groups": () if verdict.kind == "unknown" else found.groups}
         found = replace(found, **changes)
         models = {NOMINAL: self.simulator, PARAMETERS: self.recalibrated}
-        if found.extension:
-            models[EXTENDED] = self.extended
+        if found.extension and found.extended is not None:
+            models[EXTENDED] = found.extended
+        before = {label: found.responses.get(label) for label in models}
         responses = {
-            label: (*found.responses[label], *simulated(model, others)) for label, model in models.items()
+            label: (*(before[label] or simulated(model, self.observations)), *simulated(model, others))
+            for label, model in models.items()
         }
         return _with_models(found, (*found.observations, *others), responses, perf_counter() - started)
 
@@ -226,8 +237,10 @@ class Findings:
         """Changes of the diagnosis from the gain of the named effects on held-out recordings."""
         first, gain = self.causes[0], self.gain(others)
         # an effect of one recording alone gains nothing on others: only a loss speaks against it
-        if gain.interval[1] >= 0 if first.event else gain.holds:
-            text = conclusions.named_text(first, self.chosen, self.base, _others_of(found.groups))
+        twins = () if first.event else self._twins(gain, others)
+        if gain.interval[1] >= 0 if first.event else self._stands(gain, twins):
+            alike = dict.fromkeys([*_others_of(found.groups), *twins])
+            text = conclusions.named_text(first, self.chosen, self.base, [*alike])
             verdict = Verdict(found.verdict.kind, text + conclusions.placebo_text(gain))
             return {"gain": gain, "confirmed": verdict}
         locations, groups, count = self.located
@@ -244,6 +257,58 @@ class Findings:
             "extended": self.recalibrated,
             "n_simulations": found.n_simulations + count,
         }
+
+    def _confirmed_nearest(self, found: Diagnosis, others: Sequence[Observation]) -> dict[str, Any]:
+        """Changes of an unknown verdict where a mechanism explains most of the error of held-out recordings too."""
+        near = conclusions.nearest(self.causes)
+        if near is None:
+            return {"confirmed": found.verdict}
+        as_named = replace(self, causes=[near, *(cause for cause in self.causes if cause is not near)])
+        gain = as_named.gain(others)
+        twins = as_named._twins(gain, others)
+        if gain.interval[0] < conclusions.NEAR or not as_named._stands(gain, twins):
+            return {"confirmed": found.verdict}
+        return {
+            "gain": gain,
+            "confirmed": Verdict("nearest", conclusions.nearest_text(near, gain, twins)),
+            "extension": near.effects,
+            "parameters": tuple(as_named._estimates(as_named.chosen)),
+            "step": _step(as_named.extended),
+            "extended": as_named.extended,
+        }
+
+    def _stands(self, gain: Gain, twins: Sequence[str]) -> bool:
+        """Whether a gain holds; a placebo that is another form of the same mechanism does not refute it."""
+        placebo = None if self.placebo is not None and self.placebo.name in twins else gain.placebo
+        return replace(gain, placebo=placebo).holds
+
+    def _twins(self, gain: Gain, others: Sequence[Observation]) -> tuple[str, ...]:
+        """Other explanations that gain as much on held-out recordings and correct the model there as the named effects
+        do: they are other forms of the same mechanism.
+        """
+        names = [c.name for c in self.causes[1:] if c.effects][:_RIVALS]
+        names += [self.placebo.name] if self.placebo is not None else []
+        rivals = [h for h in self.hypotheses if h.name in names]
+
+        def errors(model: Simulator) -> _Array:
+            return np.concatenate(
+                [z.ravel() for z in deviations_of(model.with_step_of(self.extended), others)]
+            )
+
+        if not np.isfinite(gain.interval[0]):
+            return ()
+        before, twins = errors(self.recalibrated), []
+        removed = before - errors(self.extended)
+        for rival in rivals:
+            left = errors(rival.simulator.with_nominal(rival.theta))
+            if not np.isfinite(left).all():
+                continue
+            alike = float(removed @ (before - left))
+            size = float(np.linalg.norm(removed) * np.linalg.norm(before - left))
+            as_much = before @ before - left @ left >= gain.interval[0] * (before @ before)
+            if as_much and alike >= _TWIN * size > 0:
+                twins.append(rival.name)
+        return tuple(twins)
 
     def _estimates(self, hypothesis: Hypothesis) -> Iterator[Estimate]:
         """All parameters of a fitted model: those of its cause as profiled, all others by the linear model."""

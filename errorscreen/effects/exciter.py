@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from errorscreen.effects.base import Effect, Values, strength, value
+from errorscreen.effects.base import Effect, Values, nothing, strength, value
 from errorscreen.engine.vmath import clip, hold_at_limits
 
 _E_MIN, _E_MAX = 0.0, 5.0
@@ -39,10 +39,12 @@ def sexs(value: Any, V: Any, V0: Any, Efd0: Any, x: Any, E: Any, K: Any, TA_TB: 
 
 
 def ceiling(
-    value: Any, V: Any, V0: Any, Efd0: Any, x: Any, E: Any, K: Any, TA_TB: Any, TB: Any, TE: Any, Emax: Any
-) -> Any:
-    """Field voltage and derivatives of lead-lag and exciter, (X1) to (X4), with a ceiling of its own."""
-    e = V0 - V
+    value: Any, Vc: Any, Vs: Any, Vc0: Any, Efd0: Any, x: Any, E: Any, K: Any, TA_TB: Any, TB: Any, TE: Any, Emax: Any
+) -> Any:  # fmt: skip
+    """Field voltage and derivatives of lead-lag and exciter, (X1) to (X4), with a ceiling of its own, behind the
+    compensator and the stabiliser of the unit.
+    """
+    e = Vc0 + Vs - Vc
     y = x + TA_TB * (e - x)
     low, high = clip(_E_MIN - Efd0, -1e9, 0.0), clip(Emax - Efd0, 0.0, 1e9)
     return value + clip(E, low, high), (e - x) / TB, hold_at_limits(E, (K * y - E) / TE, low, high)
@@ -85,6 +87,8 @@ UNIT_EXCITER = replace(
     told="The file of {unit} has no exciter; one acted",
     devices=("without exciter",),
     equations=ceiling,
+    derived=(),
+    initialise=nothing,
     record=sexs_record,
     parameters=(
         EXCITER.parameters[0],
@@ -93,5 +97,5 @@ UNIT_EXCITER = replace(
         EXCITER.parameters[3],
         value("Emax", 5.0, 2.0, 12.0, "pu", "exciter", "E_max", "ceiling of the field voltage"),
     ),
-    formula="Efd = Efd0 + [K / (1 + s TE) · (1 + s (TA_TB) TB) / (1 + s TB) · (V0 − V)], 0 ≤ Efd ≤ Emax",
+    formula="Efd = Efd0 + [K / (1 + s TE) · (1 + s (TA_TB) TB) / (1 + s TB) · (Vc0 + Vs − Vc)], 0 ≤ Efd ≤ Emax",
 )

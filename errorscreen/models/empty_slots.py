@@ -27,6 +27,11 @@ def constant_field(Efd0: Any) -> Any:
     return (Efd0,)
 
 
+def controlled_voltage(v: Values) -> Start:
+    """Voltage before the event that an exciter would control, of a unit without one."""
+    return Start({}, {"Vc0": v["Vc"]})
+
+
 @stage("Pm")
 def constant_power(Pm0: Any) -> Any:
     """Mechanical power of a unit without governor."""
@@ -96,7 +101,10 @@ NULL_PARTS = {
         _null("no stabiliser", "stabiliser", "no stabiliser", no_stabiliser),
         NO_OVER_EXCITATION,
         NO_UNDER_EXCITATION,
-        _null("constant field", "exciter", "constant field voltage", constant_field),
+        Part(
+            "constant field", "exciter", "constant field voltage", (), (constant_field,),
+            ports=("Efd", "Vc0"), setpoints=("Vc0",), start=controlled_voltage,
+        ),
         _null("constant power", "governor", "constant mechanical power", constant_power),
         _null("constant references", "plant_control", "constant references", constant_references),
         _null("constant speed", "drive_train", "constant speed", constant_speed),

@@ -28,6 +28,7 @@ HEADLINES = {
     "parameters": "Parameters of the model can explain the error",
     "measurement": "The measurement itself explains the error",
     "effect": "The model lacks an effect, or a part of it acts otherwise",
+    "nearest": "The model lacks a mechanism; the nearest of the library explains most of the error",
     "unknown": "The cause of the error is not known",
 }
 #: The same if the named effect belongs to one recording only.

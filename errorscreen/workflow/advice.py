@@ -22,6 +22,11 @@ def advice(diagnosis: Diagnosis, study: Study, hints: Sequence[str] = ()) -> lis
     """
     kind, first = diagnosis.final.kind, diagnosis.causes[0]
     out = [*hints, *_at_bounds(diagnosis), *(_apart(group) for group in diagnosis.groups)]
+    if kind == "nearest":
+        out.append(
+            f"The form of the mechanism is not that of the library ({diagnosis.named.title}): state the unit's own "
+            "equations as an effect, and fit it in its place."
+        )
     if kind == "unknown":
         out += _to_locate(diagnosis, study)
     elif kind == "effect" and first.event:
@@ -29,7 +34,7 @@ def advice(diagnosis: Diagnosis, study: Study, hints: Sequence[str] = ()) -> lis
             f"{first.title}: this is about one recording alone. Look up what happened then, and how it was noted; "
             "other events can neither confirm nor refute it."
         )
-    elif kind in ("effect", "measurement"):
+    elif kind in ("effect", "measurement", "nearest"):
         out += _to_confirm(diagnosis.gain)
     elif diagnosis.confirmed is None:
         whole = "these values hold" if kind == "parameters" else "the model as it is holds"

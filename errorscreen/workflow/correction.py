@@ -47,7 +47,7 @@ def correction_of(study: Study, diagnosis: Diagnosis) -> Correction | None:
     stated = search_simulator(study.simulator, study.discovery.step, study.searched)
     simulator, reached, moved = stated, diagnosis.calibration.chi2_per_sample, list[Estimate]()
     if named:
-        reached = next(h.chi2_per_sample for h in diagnosis.hypotheses if h.name == diagnosis.causes[0].name)
+        reached = next(h.chi2_per_sample for h in diagnosis.hypotheses if h.name == diagnosis.named.name)
         simulator, moved = _with_effects(study, diagnosis, stated, named)
     fit = fewest_parameters(
         simulator,

@@ -89,11 +89,17 @@ def test_a_placebo_has_as_many_parameters_where_one_was_fitted(twins):
 def test_sentences_say_what_was_tried(twins):
     finder, _ = twins
     base = next(h for h in finder.hypotheses_ if not h.effects)
-    assert "no effect was tried" in conclusions.unknown_text((), True, base, base)
-    text = conclusions.unknown_text(("governor", "lag_P"), False, base, finder.best_)
+    test = finder.residual_tests_[base.name]
+    assert "no effect was tried" in conclusions.unknown_text((), True, base, test, base)
+    text = conclusions.unknown_text(("governor", "lag_P"), False, base, test, finder.best_)
     assert "any of the effects that were tried (governor, lag_P)" in text
     assert finder.best_.name in text
-    assert "any effect of the library" in conclusions.unknown_text(("governor",), True, base, base)
+    worst = test.significant[0]
+    assert f" Most of it is in {worst.channel} of {worst.recording}, {worst.stage}, " in text
+    assert f" Hz: {worst.ratio:.2g} times the energy of noise." in text
+    text = conclusions.unknown_text(("governor",), True, base, test, base, finder.causes_[0])
+    assert "any effect of the library" in text
+    assert f"The nearest mechanism is: {finder.causes_[0].title}. It leaves " in text
     assert "no ports" in conclusions.location_text([], finder.simulator)
 
 
@@ -126,8 +132,12 @@ def test_a_withdrawn_cause_says_why(twins):
 def test_nothing_is_said_to_be_missing_before_parameters_have_come_to_rest(twins):
     finder, _ = twins
     base = next(h for h in finder.hypotheses_ if not h.effects)
-    text = conclusions.unknown_text(("governor",), True, replace(base, state="stalled"), finder.best_)
+    text = conclusions.unknown_text(
+        ("governor",), True, replace(base, state="stalled"), finder.residual_tests_[base.name], finder.best_
+    )
     assert "did not end at a minimum" in text
     assert "any effect" not in text
-    cornered = conclusions.unknown_text(("governor",), True, replace(base, state="corner"), finder.best_)
+    cornered = conclusions.unknown_text(
+        ("governor",), True, replace(base, state="corner"), finder.residual_tests_[base.name], finder.best_
+    )
     assert "No start around it lowered the rest by a thousandth" in cornered

@@ -138,7 +138,7 @@ def test_a_withdrawn_cause_is_told_as_withdrawn():
         "(interval of what it removes: -50 … 10 %), and a wrong effect does no worse.",
         "exciter.K gain pu 50 40 … 60",
         "Where something unknown enters",
-        "synchronous_machine Efd 0.90 1.2 95 % V (-0.8)",
+        "synchronous_machine Efd 0.90 1.2 95 % up to 0.2 pu; it moves against V, correlation -0.80",
         "The withdrawn effect, with 3 parameters of its own, adds 20 % of the squared error",
         "Fit both together.",
     ):

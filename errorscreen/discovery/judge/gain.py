@@ -160,7 +160,7 @@ def measure_gain(
         placebo = placebo or _placebo(old, extended, seen, rng)
     recalibrated = (recalibrated or old).with_step_of(extended)
     placebo = placebo and placebo.with_step_of(extended)
-    errors = [_deviations(model, observations) for model in (old, recalibrated, extended)]
+    errors = [deviations_of(model, observations) for model in (old, recalibrated, extended)]
     squares = [[(z**2).sum(axis=0) for z in rows] for rows in errors]
     totals = [[float(row.sum()) for row in rows] for rows in squares]
     counts = [int(o.mask.sum()) for o in observations]
@@ -181,7 +181,7 @@ def measure_gain(
         low, high = np.quantile(draws, [0.5 - level / 2, 0.5 + level / 2])
     other = None
     if placebo is not None:
-        rows = _deviations(placebo, observations)
+        rows = deviations_of(placebo, observations)
         other = _gain(sum(totals[1][e] for e in compared), sum(float((rows[e] ** 2).sum()) for e in compared))
     rms = [float(np.sqrt(sum(t) / sum(counts))) for t in totals]
     events = tuple(
@@ -225,8 +225,10 @@ def _placebo(
     return best.simulator_
 
 
-def _deviations(model: Simulator, observations: Sequence[Observation]) -> list[_Array]:
-    """Deviations (R, L) from each recording; 0 where nothing was measured, infinite where the model fails."""
+def deviations_of(model: Simulator, observations: Sequence[Observation]) -> list[_Array]:
+    """Deviations (R, L) of a model from each recording, which begins at a state of its own; 0 where nothing was
+    measured, infinite where the model fails.
+    """
     out = []
     for observation in with_initial_states(model, observations):
         y = model.simulate(model.parameters.nominal, observation.event).values[0]

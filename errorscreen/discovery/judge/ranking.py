@@ -34,6 +34,8 @@ _TRACE = 0.001
 _LEFT_BY_TWO = 0.5
 #: hypotheses whose χ² differ by less than this are the same prediction
 _SAME = 1.0
+#: readings below which no effect is certain
+_FEW_READINGS = 60
 #: half width of intervals for 90 % in standard deviations
 _WIDTH = 1.645
 
@@ -150,6 +152,8 @@ def rank_causes(found: CandidateSet) -> list[Cause]:
         causes = _of_a_kind(found)
     elif _form_alone(found, causes):
         causes = _with_two(found, _of_a_kind(found), causes)
+    certain = certainty(found.base)
+    causes = [replace(c, probability=certain * c.probability) if c.effects else c for c in causes]
     causes.sort(key=lambda c: -c.probability)
     unknown = 1.0 - sum(c.probability for c in causes)
     # two names for the same thing share a probability, but what they stand for has all of it
@@ -160,6 +164,11 @@ def rank_causes(found: CandidateSet) -> list[Cause]:
         place = max(place, 1)
     causes.insert(place, Cause("unknown", "Unknown", "unknown", unknown))
     return causes
+
+
+def certainty(base: Hypothesis) -> float:
+    """Largest probability of an effect: a few readings can be explained by many forms."""
+    return min(1.0, 0.5 + 0.5 * len(base.residuals) / _FEW_READINGS)
 
 
 def _exact(found: CandidateSet) -> list[Cause]:
@@ -217,18 +226,23 @@ def _with_two(found: CandidateSet, alone: list[Cause], exact: list[Cause]) -> li
 
 
 def _of_a_kind(found: CandidateSet) -> list[Cause]:
-    """Effects that explain nearly everything in another form than the library's: single ones, else pairs."""
-    for size, most in ((1, _FORM), (2, _FORM_OF_TWO)):
-        members = found.with_effects(size) if found.base.at_rest else []
-        left = np.array([1.0 - _explained(found, h) for h in members])
-        if len(left) and left.min() < most:
-            break
-    else:
+    """Effects in another form than the library's, the more probable the less they leave: single ones, or pairs where
+    only these explain nearly everything.
+    """
+    if not found.base.at_rest:
+        return []
+    sizes = ((1, _FORM), (2, _FORM_OF_TWO))
+    left = {
+        size: np.array([1.0 - _explained(found, h) for h in found.with_effects(size)]) for size, _ in sizes
+    }
+    size, most = next(((n, m) for n, m in sizes if (left[n] < m).any()), sizes[0])
+    if not len(left[size]):
         return []
     # errors of form are no noise: how much better one is tells less than its evidence says
-    weights = np.maximum(left, 1e-12) ** -2.0
-    weights /= weights.sum() * (1.0 + left.min() / most)
-    return [_cause(found, h, float(w), exact=False) for h, w in zip(members, weights, strict=True)]
+    weights = np.maximum(left[size], 1e-12) ** -2.0
+    weights /= weights.sum() * (1.0 + left[size].min() / most)
+    members = zip(found.with_effects(size), weights, left[size], strict=True)
+    return [_cause(found, h, float(w), exact=False) for h, w, rest in members if rest < 1.0]
 
 
 def _explained(found: CandidateSet, hypothesis: Hypothesis) -> float:

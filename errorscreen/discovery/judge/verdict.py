@@ -26,13 +26,14 @@ class Verdict:
     ----------
     kind : str
         ``"within-noise"``: nothing to explain; ``"parameters"``: calibration explains the errors; ``"effect"`` and
-        ``"measurement"``: something that is named does, see `CauseFinder`; ``"unknown"``: nothing does, or that
-        cannot be told.
+        ``"measurement"``: something that is named does, see `CauseFinder`; ``"nearest"``: a mechanism explains most of
+        the errors, also of recordings that were not fitted, but its form is not that of the unit; ``"unknown"``:
+        nothing does, or that cannot be told.
     text : str
         The reasons in plain words.
     """
 
-    kind: Literal["within-noise", "parameters", "effect", "measurement", "unknown"]
+    kind: Literal["within-noise", "parameters", "effect", "measurement", "nearest", "unknown"]
     text: str
 
 

@@ -20,6 +20,7 @@ from errorscreen.discovery.fits.hypotheses import SLICE, Hypothesis, JointFit
 from errorscreen.discovery.judge.separation import States, device_name, states_of
 from errorscreen.discovery.search.journal import Journal
 from errorscreen.discovery.unknown_input.fine_detail import DetailedSignal, with_fine_detail
+from errorscreen.discovery.unknown_input.shape import Shape, shape_of
 from errorscreen.effects.base import Effect
 from errorscreen.effects.latent_input import KNOTS, PULSE
 from errorscreen.events import InputSignal, Playback
@@ -30,6 +31,8 @@ _log = logging.getLogger(__name__)
 _EXPLAINS = 0.1
 #: least correlation at which a signal is said to move with a quantity
 _MOVES = 0.5
+#: least correlation of a signal with the state that it slows down to be called friction or damping
+_OPPOSES = 0.8
 #: power of the excess of a location, as for effects of another form
 _FORM = 2.0
 #: largest odds from the simplicity of a signal
@@ -60,6 +63,8 @@ class InputLocation(Displayed):
         Of the waveform.
     explained : float
         Share of the base fit's excess that the signal explains without the detail.
+    shape : Shape
+        What the waveform looks like.
     states : mapping of (str, str) to ndarray of shape (L,)
         Of all devices with the signal without the detail, in the first recording, by device and name.
     """
@@ -73,6 +78,7 @@ class InputLocation(Displayed):
     follows: tuple[tuple[str, Real], ...]
     unit: str = "pu"
     explained: Real = 1.0
+    shape: Shape = field(default_factory=Shape)
     states: InMemory[States] = field(default_factory=dict, compare=False)
 
     def _facts(self) -> dict[str, Any]:
@@ -103,12 +109,15 @@ class InputLocation(Displayed):
 
     @property
     def text(self) -> str:
-        """Size and dependence in words."""
-        size = f"up to {np.abs(self.waveform).max():.2g} {self.unit}".rstrip()
+        """Form, size and dependence in words."""
+        form = self.shape.text(self.unit) or f"up to {np.abs(self.waveform).max():.2g} {self.unit}".rstrip()
         if not self.follows or abs(self.follows[0][1]) < _MOVES:
-            return size
+            return form
         name, correlation = self.follows[0]
-        return f"{size}, moves with {name}, correlation {correlation:.2f}"
+        moves = "against" if correlation < 0 else "with"
+        text = f"{form}; it moves {moves} {name}, correlation {correlation:.2f}"
+        opposes = correlation < -_OPPOSES and self.place == f"equation of {name}"
+        return f"{text}, as friction or damping does" if opposes else text
 
 
 def rank_input_locations(base: Hypothesis, journal: Journal | None = None) -> tuple[list[InputLocation], int]:
@@ -247,5 +256,6 @@ def _location(
         tuple(follows),
         next(p.unit for p in effect.parameters if p.name == "a0"),
         explained,
+        shape_of(time[after], signal[after]),
         states_of(hypothesis.simulator, hypothesis.theta, observation.event),
     )

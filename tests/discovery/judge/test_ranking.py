@@ -29,6 +29,7 @@ def hypothesis(effects, excess):
         at_rest=True,
         chi2_per_sample=2.0,
         inflation=2.0,
+        residuals=np.zeros(200),
         observations=(SimpleNamespace(event=Event(np.arange(4.0), start=2.0)),),
         simulator=SimpleNamespace(parameters=SPACE),
         parameters_of=lambda effect, width: {effect.strength.name: (1.0, 1.0 - width, 1.0 + width)},
@@ -131,19 +132,35 @@ def test_an_effect_of_another_form_is_named_by_its_kind():
 
 @pytest.mark.parametrize("left", [60.0, 400.0])
 def test_what_leaves_too_much_is_unknown(left):
-    (only,) = rank_causes(competition(((), 1000.0, 0.001, -500.0), ((EXCITER,), left, 0.001, -20.0)))
+    unknown, nearest = rank_causes(competition(((), 1000.0, 0.001, -500.0), ((EXCITER,), left, 0.001, -20.0)))
+    assert (unknown.name, nearest.name, nearest.exact) == ("unknown", "exciter", False)
+    assert nearest.probability == pytest.approx(1.0 / (1.0 + left / 50.0))
+    assert nearest.explained == pytest.approx(1.0 - left / 1000.0)
+
+
+def test_few_readings_make_nothing_certain():
+    found = competition(((), 1000.0, 0.001, -500.0), ((EXCITER,), 0.0, 0.5, -20.0))
+    sure = rank_causes(found)[0]
+    found.base.residuals = np.zeros(30)
+    first, unknown = rank_causes(found)
+    assert first.probability == pytest.approx(0.75 * sure.probability)
+    assert unknown.probability == pytest.approx(1.0 - first.probability)
+
+
+def test_what_explains_nothing_is_no_cause():
+    (only,) = rank_causes(competition(((), 1000.0, 0.001, -500.0), ((EXCITER,), 1000.0, 0.001, -600.0)))
     assert (only.name, only.probability) == ("unknown", 1.0)
 
 
 def test_two_effects_that_make_up_for_a_wrong_form_are_not_named():
-    (only,) = rank_causes(
+    first, nearest = rank_causes(
         competition(
             ((), 1000.0, 0.001, -500.0),
             ((EXCITER,), 80.0, 0.001, -60.0),
             ((EXCITER, GOVERNOR), 10.0, 0.001, -20.0),
         )
     )
-    assert only.name == "unknown"
+    assert (first.name, nearest.name) == ("unknown", "exciter")
 
 
 def test_two_effects_that_leave_hardly_anything_are_named():

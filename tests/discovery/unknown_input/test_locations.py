@@ -49,8 +49,11 @@ def test_each_recording_has_a_signal_of_its_own():
     name, correlation = first.follows[0]
     assert name in ("V", "Vf", "Q")  # as recorded, or as the controller filters it
     assert abs(correlation) > 0.5
-    assert f"moves with {name}" in first.text
-    assert "moves with" not in replace(first, follows=((name, 0.2),)).text
+    assert f"it moves against {name}, correlation -0." in first.text
+    assert f"it moves with {name}" in replace(first, follows=((name, 0.9),)).text
+    assert "moves" not in replace(first, follows=((name, 0.2),)).text
+    opposed = replace(first, place=f"equation of {name}", follows=((name, -0.95),))
+    assert opposed.text.endswith("correlation -0.95, as friction or damping does")
 
 
 def test_what_no_signal_explains_has_no_place():
