@@ -9,6 +9,8 @@ from errorscreen.simulators import PlantSimulator
 
 MACHINE = "101 'GENROU' 1  6.0 0.04 0.8 0.06 4.0 0.0 1.8 1.7 0.3 0.5 0.22 0.15 0.0 0.0 /  as built"
 EXCITER = "101 'SEXS' 1  0.1 10.0 80.0 0.05 0.0 5.0 /"
+STABILISER = "101 'IEEEST' 1  1 0  0.02 0.0004 0 0 0 0  0.15 0.03 0.15 0.03 10 10 10 0.1 -0.1 0 0 /"
+COMPENSATOR = "101 'IEEEVC' 1  0.0 0.05 /"
 #: effect, what the file holds beside the machine, values, model of the record, and how near both responses are in pu
 CASES = {
     "exciter": ("", {"K": 80, "TA_TB": 0.2, "TB": 5, "TE": 0.05, "Emax": 4}, "SEXS", 1e-9),
@@ -58,6 +60,18 @@ def test_the_record_answers_as_the_effect_does(effect):
     whole = response(file.extended(None, None, [(name, constants)]).unit(), dip)
     assert np.abs(extended - response(file.unit(), dip)).max() > 20 * near
     assert np.abs(whole - extended).max() < near
+
+
+@pytest.mark.parametrize("beside", [STABILISER, COMPENSATOR])
+def test_an_exciter_that_is_missing_hears_the_stabiliser_and_compensator_of_the_file(beside):
+    _, values, model, near = CASES["exciter"]
+    file, dip = DyrFile("unit.dyr", f"{MACHINE}\n{beside}"), event(0.3)
+    constants = {"TA_TB": 0.2, "TB": 5, "K": 80, "TE": 0.05, "EMIN": 0, "EMAX": 4}
+    extended = response(file.unit(), dip, "exciter", values)
+    whole = response(file.extended(None, None, [(model, constants)]).unit(), dip)
+    alone = response(DyrFile("unit.dyr", MACHINE).unit(), dip, "exciter", values)
+    assert np.abs(whole - extended).max() < near
+    assert np.abs(alone - extended).max() > 1e-3
 
 
 @pytest.mark.parametrize("newline", ["\n", "\r\n"])
