@@ -192,10 +192,10 @@ def draw_scenario(
     raise too_small("", least_size, noise_db)
 
 
-def too_small(where: str, least: float, noise_db: float) -> InputError:
+def too_small(where: str, least: float, noise_db: float, tries: int = TRIES) -> InputError:
     """Error of draws without a large enough effect."""
     return InputError(
-        f"none of {TRIES} effects drawn{where} is at least {least:g} times the noise at {noise_db:g} dB",
+        f"none of {tries} effects drawn{where} is at least {least:g} times the noise at {noise_db:g} dB",
         allowed="less noise, or a smaller least size",
     )
 

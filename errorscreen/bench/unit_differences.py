@@ -83,11 +83,12 @@ def candidates_of(device: Device) -> ParameterSpace:
 def deviated(records: Records, rng: np.random.Generator, kept: Mapping[str, Sequence[str]]) -> Records:
     """Records with 12 to 20 parameters, or all where there are fewer, up to a quarter off; `kept` stay."""
     space = device_of(records).candidates
-    names = [name for name in space.names if name.split(".")[1] not in kept.get(name.split(".")[0], ())]
+    pairs = [(p.name.split("."), p.nominal) for p in space]
+    names = [(model, one) for (model, one), value in pairs if value and one not in kept.get(model, ())]
     number = min(len(names), int(rng.integers(_DEVIATING[0], _DEVIATING[1] + 1)))
     found = {model: dict(values) for model, values in records.items()}
     for k in rng.choice(len(names), number, replace=False):
-        model, constant = names[k].split(".")
+        model, constant = names[k]
         found[model][constant] *= float(rng.uniform(1 - _SPREAD, 1 + _SPREAD))
     for model, values in found.items():
         PARTS[model].check(values, model)

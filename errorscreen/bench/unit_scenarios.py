@@ -115,7 +115,7 @@ def _draw(
             continue
         if found is not None and all(size >= least_size for size in found.sizes):
             return found.scenario(kind, differences)
-    raise too_small("", least_size, noise_db)
+    raise too_small("", least_size, noise_db, _TRIES)
 
 
 def _differences(
