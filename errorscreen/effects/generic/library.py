@@ -100,9 +100,9 @@ TEXTS: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
     ),
 }  # fmt: skip
 #: templates that a state equation can lack, one for each signal that it could depend on
-_OF_STATES = ("cubic", "quadratic", "drag")
-#: the same for rates of change
-_OF_RATES = ("viscous", "coulomb", "stribeck", "hysteresis")
+_OF_STATES = ("cubic", "quadratic")
+#: those that resist motion: for rates of change, where the model has any, because nothing drags at a position
+_OF_RATES = ("viscous", "drag", "coulomb", "stribeck", "hysteresis")
 _OF_EQUATIONS = ("offset", "forcing")
 #: templates for inputs and internal signals
 _OF_SIGNALS = (

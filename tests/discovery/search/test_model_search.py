@@ -138,7 +138,7 @@ def partwise_sets(monkeypatch, pair, candidates=None):
 
 
 LEAVES_LITTLE = ("lag_position", NAMES[0])
-LEAVES_MOST = ("velocity.drag(position)", "velocity.viscous(velocity)")
+LEAVES_MOST = ("velocity.quadratic(position)", "velocity.viscous(velocity)")
 
 
 def test_others_are_tried_in_place_of_each_effect_of_a_pair_that_leaves_less_than_half(monkeypatch):

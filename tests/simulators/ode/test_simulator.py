@@ -89,6 +89,13 @@ def test_all_templates_are_offered_somewhere():
     assert offered == set(TEMPLATES)
 
 
+def test_what_resists_motion_acts_on_rates_where_the_model_has_any():
+    resisting = {"viscous", "drag", "coulomb", "stribeck", "hysteresis"}
+    found = {(e.template, e.reads) for e in oscillator().effects if getattr(e, "acts_on", "") == "equation"}
+    assert {reads for template, reads in found if template in resisting} == {"velocity"}
+    assert {reads for template, reads in found if template == "quadratic"} == {"position", "velocity"}
+
+
 def test_linear_oscillator_is_exact():
     # piecewise constant input: x(t + h) = e^{A h} x + A^{-1} (e^{A h} - 1) B u
     simulator = oscillator(interpolation="hold", step=0.002)
