@@ -308,19 +308,23 @@ def _bound(
 
 
 def surviving(
-    simulator: Simulator, theta: _Array, observations: Sequence[Observation], change: Sequence[_Array]
+    simulator: Simulator,
+    theta: _Array,
+    observations: Sequence[Observation],
+    change: Sequence[_Array],
+    *others: _Array,
 ) -> float:
     """Size of a change (R, L) of the responses: the part that a refit leaves, in multiples of the noise.
 
     It is the largest rms of the residuals after the event, over all channels and recordings, in a local minimum near
-    `theta` (m,). `SimulationError` if `theta` cannot be simulated.
+    `theta` (m,), or near `others` if one is lower. `SimulationError` if `theta` cannot be simulated.
     """
     changed = []
     for o, c in zip(observations, change, strict=True):
         response = simulator.simulate(theta, o.event).require_ok("the model without an effect").values[0]
         changed.append(replace(o, values=np.where(o.mask, response + c, np.nan)))
     problem = FitProblem(simulator, changed)
-    u = (theta - problem.space.nominal) / problem.space.scales
+    u = (np.array([theta, *others]) - problem.space.nominal) / problem.space.scales
     best = JointFit(simulator.extensions, problem, u).run(_REFIT).reached[0]
     left = problem.residuals(problem.values(best))[0]
     return max(

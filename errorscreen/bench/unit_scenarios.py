@@ -204,24 +204,29 @@ def _recorded(
         if one.distort is not None:
             plain = [_distorted(program.respond(truth, *event), others) for event in events]
             initial = [_recording(program, event, c, None, 0) for event, c in zip(events, plain, strict=True)]
-        records = differ.truth_of(one.stated(true), others)
-        sizes.append(_size(records, initial[:_FITTED], exact[:_FITTED], observations[:_FITTED]))
+        own, of_file = (differ.truth_of(one.stated(records), others) for records in (true, stated))
+        sizes.append(_size(own, of_file, initial[:_FITTED], exact[:_FITTED], observations[:_FITTED]))
     sampled = [o.values for o in (simulator.observe(recording) for recording in exact)]
     return _Recorded(simulator, observations, sampled, tuple(sizes))
 
 
 def _size(
-    records: Records, initial: list[Recording], exact: list[Recording], noisy: list[Observation]
+    true: Records, stated: Records, initial: list[Recording], exact: list[Recording], noisy: list[Observation]
 ) -> float:
-    """What a refit of the unit without a difference leaves, in multiples of the noise, see `surviving`."""
-    device = differ.device_of(records)
+    """What a refit of the unit without a difference leaves, in multiples of the noise, see `surviving`.
+
+    The refit begins at the true values and at those of the file, and stays inside what its user lets move.
+    """
+    device = differ.device_of(stated)
     plant = PlantSimulator(device, initial[0], parameters=differ.candidates_of(device), n_threads=1)
     observed = [replace(plant.observe(one), noise=o.noise) for one, o in zip(initial, noisy, strict=True)]
-    theta, changes = plant.parameters.nominal, []
+    names = [name.split(".") for name in plant.parameters.names]
+    theta = np.clip([true[model][constant] for model, constant in names], *plant.parameters.bounds.T)
+    changes = []
     for observation, recording in zip(observed, exact, strict=True):
         found = plant.simulate(theta, observation.event).require_ok("the unit without a difference")
         changes.append(plant.observe(recording).values - found.values[0])
-    return surviving(plant, theta, observed, changes)
+    return surviving(plant, theta, observed, changes, plant.parameters.nominal)
 
 
 def _distorted(found: tuple[_Array, Channels], differences: Sequence[Difference]) -> tuple[_Array, Channels]:

@@ -110,6 +110,8 @@ class Effect:
         Belongs to one recording and not to the plant: an error of the event's record, or a forced oscillation.
     recording : str
         Name of the only event in which it acts; empty for all.
+    usual : float, optional
+        Value of the strength that is likely by itself, such as a = 1 of a part that does not act at all.
     switch : bool
         On or off and nothing between: the strength is nominal where the effect is added, and no fit moves it.
     told : str
@@ -144,6 +146,7 @@ class Effect:
     smallest: Mapping[str, float] = field(default_factory=dict, hash=False)
     event_specific: bool = False
     recording: str = ""
+    usual: float | None = None
     switch: bool = False
     told: str = ""
     reading: Callable[[str, Mapping[str, tuple[float, float, float]]], str] | None = None

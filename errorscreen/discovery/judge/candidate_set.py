@@ -7,6 +7,7 @@ from collections.abc import Iterable
 
 from errorscreen.discovery.fits.hypotheses import Hypothesis
 from errorscreen.discovery.judge.residual_test import ResidualTest, residual_test
+from errorscreen.discovery.judge.usual_values import usual_evidence
 from errorscreen.effects.base import Effect
 
 _log = logging.getLogger(__name__)
@@ -108,6 +109,7 @@ class CandidateSet:
         self.hypotheses.append(hypothesis)
         self.residual_tests[hypothesis.name] = test
         # (D1) with the excess over noise in place of χ²
-        self.scores[hypothesis.name] = hypothesis.evidence + 0.5 * (hypothesis.chi2 - test.excess)
+        of_noise = 0.5 * (hypothesis.chi2 - test.excess)
+        self.scores[hypothesis.name] = hypothesis.evidence + of_noise + usual_evidence(hypothesis)
         values = hypothesis.name, hypothesis.chi2_per_sample, test.p_value
         _log.info("  %s: χ²/N %.3f, noise alone p = %.3f", *values)

@@ -153,14 +153,26 @@ class Refinement(CandidateSet):
         """Whether parameters alone are adequate, and nothing is more evident."""
         return self.is_adequate(self.base) and self.scores[self.base.name] >= max(self.scores.values())
 
+    @property
+    def _lead(self) -> float:
+        """How far parameters alone would have to come down to reach effects that leave only noise; 0 without any."""
+        best = min((h.objective for h in self.adequate if h.effects), default=np.inf)
+        return max(0.0, self.base.objective - best)
+
     def _restart_from_neighbours(self, hypothesis: Hypothesis, rival: Hypothesis | None = None) -> None:
-        """Restart a stalled fit until nothing leads lower, or it gains too little to reach a rival."""
+        """Restart a stalled fit until nothing leads lower, or it gains too little to reach a rival.
+
+        What parameters alone gain does not count if all restarts together would not reach effects that leave only
+        noise.
+        """
         for number in range(_RESTARTS):
             if hypothesis.at_rest or (not hypothesis.effects and self._parameters_suffice):
                 return
             _log.info("starts around %s", hypothesis.name)
             problem = _problem_of(hypothesis)
             least = max(WORTH, _LOWER * self.residual_tests[hypothesis.name].excess)
+            if not hypothesis.effects:
+                least = max(least, self._lead / _RESTARTS)
             seed = np.random.SeedSequence(self.seed, spawn_key=(number,))
             fit = partial(restart_from_neighbours, hypothesis, problem, least, seed)
             led = self._journal.fitted(hypothesis.effects, problem, fit)
