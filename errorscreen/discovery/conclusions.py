@@ -162,7 +162,7 @@ def unknown_text(
         if closest.effects:
             text += f", and the nearest effect, {closest.name}, leaves {closest.chi2_per_sample:.3g}"
         text += "."
-    text += f" Most of it is in {_cell_text(test)}."
+    text += f" What parameters leave is most conspicuous in {_cell_text(test)}."
     if near is not None:
         text += (
             f" The nearest mechanism is: {near.title}. It leaves {100 * (1.0 - near.explained):.2g} % of the error "
@@ -195,7 +195,7 @@ def _cornered(base: Hypothesis) -> str:
         return ""
     return (
         " The fit of the parameters ended where limiters begin to act, not at a smooth minimum. No start around it "
-        "lowered the rest by a thousandth."
+        "lowered the rest by enough to matter."
     )
 
 

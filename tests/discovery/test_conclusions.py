@@ -95,7 +95,10 @@ def test_sentences_say_what_was_tried(twins):
     assert "any of the effects that were tried (governor, lag_P)" in text
     assert finder.best_.name in text
     worst = test.significant[0]
-    assert f" Most of it is in {worst.channel} of {worst.recording}, {worst.stage}, " in text
+    assert (
+        f" What parameters leave is most conspicuous in {worst.channel} of {worst.recording}, {worst.stage}, "
+        in text
+    )
     assert f" Hz: {worst.ratio:.2g} times the energy of noise." in text
     text = conclusions.unknown_text(("governor",), True, base, test, base, finder.causes_[0])
     assert "any effect of the library" in text
@@ -140,4 +143,4 @@ def test_nothing_is_said_to_be_missing_before_parameters_have_come_to_rest(twins
     cornered = conclusions.unknown_text(
         ("governor",), True, replace(base, state="corner"), finder.residual_tests_[base.name], finder.best_
     )
-    assert "No start around it lowered the rest by a thousandth" in cornered
+    assert "No start around it lowered the rest by enough to matter" in cornered
