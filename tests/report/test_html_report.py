@@ -1,5 +1,6 @@
 import base64
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import pytest
@@ -151,6 +152,20 @@ def test_what_was_named_is_the_extension():
     assert "Withdrawn" not in text
     assert "Effects that were tried: exciter, governor." in text
     assert "second trip, held out P (pu) 0.1 0.03 −70 %" in text
+
+
+def test_the_nearest_mechanism_is_told_as_that():
+    near = cause(probability=0.2, exact=False, explained=0.87)
+    text = text_of(
+        found(
+            verdict=Verdict("unknown", "Something enters."), confirmed=Verdict("nearest", "It is near."),
+            causes=(replace(UNKNOWN, probability=0.8), near), extension=near.effects,
+        )
+    )  # fmt: skip
+    assert HEADLINES["nearest"] + " It is near." in " ".join(text.split())
+    assert "The nearest mechanism: Excitation control The machine holds its voltage." in text
+    assert "its form differs from this equation" in text
+    assert "Before the held-out recordings were judged" not in text
 
 
 def test_the_values_of_the_extended_model_are_told():
