@@ -189,10 +189,10 @@ def draw_scenario(
             structure=right if kind in HELD else (),
             values=np.concatenate([np.zeros(0), *own]),
         )
-    raise too_small("", least_size, noise_db)
+    raise too_small("", least_size, noise_db, TRIES)
 
 
-def too_small(where: str, least: float, noise_db: float, tries: int = TRIES) -> InputError:
+def too_small(where: str, least: float, noise_db: float, tries: int) -> InputError:
     """Error of draws without a large enough effect."""
     return InputError(
         f"none of {tries} effects drawn{where} is at least {least:g} times the noise at {noise_db:g} dB",

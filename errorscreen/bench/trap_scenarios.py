@@ -235,7 +235,7 @@ def draw_trap_scenario(
             tuple(fitted), tuple(observations[_FITTED:]), tuple(y[None] for y in clean[_FITTED:]), right,
             np.array(own, dtype=float),
         )  # fmt: skip
-    raise too_small(f" in the trap {name!r}", least_size, noise_db)
+    raise too_small(f" in the trap {name!r}", least_size, noise_db, TRIES)
 
 
 def _record(

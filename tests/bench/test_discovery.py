@@ -171,7 +171,6 @@ def test_what_cannot_be_recorded_or_simulated_without_the_effect_is_drawn_again(
 
 def test_effects_below_the_noise_cannot_be_hidden(monkeypatch):
     monkeypatch.setattr("errorscreen.bench.trap_scenarios.TRIES", 1)
-    monkeypatch.setattr("errorscreen.bench.scenarios.TRIES", 1)
     with pytest.raises(
         InputError, match=r"none of 1 effects drawn in the trap 'play' is at least 1e\+09 times"
     ):

