@@ -52,8 +52,8 @@ class Scenario:
 
     `effects` names effects of the library that are right, `hidden` the hidden ones, of which those of the library are
     the `structure`; `values` are their parameters. Where several names are right for a hidden effect, `alternatives`
-    has them all, for each hidden one. `size` is the smallest of theirs, see `surviving`. `simulator` is
-    the model to fit, and `truths` (R, L) are the responses to the held-out events without noise.
+    has them all, for each hidden one. `size` is the smallest size of the hidden effects, see `surviving`. `simulator`
+    is the model to fit, and `truths` (R, L) are the responses to the held-out events without noise.
     """
 
     kind: str

@@ -1,4 +1,4 @@
-"""In what a unit of standard models can differ from its file: hidden truths of the cases ``andes`` and ``models``."""
+"""Differences between a unit of standard models and its file: hidden truths of the cases ``andes`` and ``models``."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from errorscreen.parameters import Parameter, ParameterSpace
 Records = dict[str, dict[str, float]]
 Channels = dict[str, NDArray[np.float64]]
 
-#: what the library calls a part of a family that is missing
+#: effect for a missing part, by its model
 _MISSING = {
     "SEXS": "exciter", "TGOV1": "governor", "IEEEG1": "governor", "HYGOV": "hydro_governor", "GGOV1": "gas_governor",
     "IEEEST": "stabiliser",
 }  # fmt: skip
-#: what it calls one that does not act, by its slot
+#: effect for a part that does not act, by its slot
 _ACTING = {"exciter": "regulator_acting", "governor": "governor_acting", "stabiliser": "stabiliser_acting"}
-#: what is right for a part of another family in an empty slot
+#: effects that are right for a missing part of another family, by its slot
 _NEAREST = {"exciter": ("exciter",), "governor": ("governor", "hydro_governor", "gas_governor")}
-#: shares of the true parameters that deviate, and how far
+#: least and greatest number of true parameters that deviate, and how far
 _DEVIATING, _SPREAD = (12, 20), 0.25
 #: how far the user lets parameters move: a stabiliser that may be turned off by its gain is no missing part
 _RANGE = 0.5

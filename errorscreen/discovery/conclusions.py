@@ -144,8 +144,8 @@ def unknown_text(
     closest: Hypothesis,
     near: Cause | None = None,
 ) -> str:
-    """Reasons for the verdict "unknown", with the tried effects, parameters alone (`base`) and the test of what they
-    leave, the most evident fit, and the mechanism that comes nearest.
+    """Reasons for the verdict "unknown": the tried effects, the fit of the parameters alone (`base`) and the test of
+    its residuals, the most evident fit, and the nearest mechanism.
     """
     leaves = f"χ²/N {base.chi2_per_sample:.3g}"
     if not base.at_rest:
