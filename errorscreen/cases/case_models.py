@@ -238,13 +238,19 @@ class RecordingSection(Section):
 
 
 class SimulationSection(Section):
-    """How the model is integrated."""
+    """How the model is integrated and compared."""
 
     step: Positive = setting(0.0025, "longest integration step in s")
     dt: Positive | None = setting(
         None,
         "s between compared instants; if not given, that of the recording, or near a quarter period",
     )
+    model_error: dict[str, Positive] = setting(
+        {},
+        "standard deviation of a slow error of the model that is allowed, by channel and in its unit; it counts as "
+        "uncertainty",
+    )
+    model_error_time: Positive = setting(1.0, "s within which that error changes")
 
 
 class ScreeningSection(Section):

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from errorscreen._runtime.display import Displayed, listed, span
 from errorscreen.data.channels import summary_of
 from errorscreen.data.panels import Curves, plot_curves, with_unit
+from errorscreen.data.slow_errors import slow_modes
 from errorscreen.events import Event
-from errorscreen.exceptions import InputError
+from errorscreen.exceptions import InputError, check_real, unknown_name
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -51,6 +52,10 @@ class Observation(Displayed):
     propagated : ndarray of shape (R,), optional
         Energy of the propagated noise of injected signals in squared deviations, in the model that gave `noise`,
         `extra` and `modes`; see `Simulator.propagated_noise`. None where nothing is injected.
+    model_error : mapping of str to float
+        Standard deviation of a slow error of the model that its user allows, by channel; see `with_model_error`.
+    model_error_time : float
+        Its time in seconds.
     """
 
     event: Event
@@ -63,6 +68,8 @@ class Observation(Displayed):
     level_std: NDArray[np.float64] | None = None
     modes: NDArray[np.floating[Any]] | None = None
     propagated: NDArray[np.float64] | None = None
+    model_error: Mapping[str, float] = field(default_factory=dict)
+    model_error_time: float = 1.0
 
     @cached_property
     def sigma(self) -> NDArray[np.float64]:
@@ -74,9 +81,9 @@ class Observation(Displayed):
         r"""Simulated minus measured values in multiples of their uncertainty.
 
         A simulation starts from the mean of the quiet part, which is known to `level_std`, so all samples after the
-        start of the event share an unknown offset; `modes` are unknown slow errors. The errors e are multiplied by the
-        inverse square root of their covariance :math:`\Sigma = \mathrm{diag}(\sigma^2) + B B^T` with the offsets and
-        modes as columns of B. In closed form
+        start of the event share an unknown offset; `modes` and the model error are unknown slow errors. The errors e
+        are multiplied by the inverse square root of their covariance
+        :math:`\Sigma = \mathrm{diag}(\sigma^2) + B B^T` with the offsets and modes as columns of B. In closed form
 
         .. math:: z = \frac{e}{\sigma} - U \Big(I - (I + S^2)^{-1/2}\Big) U^T \frac{e}{\sigma},
            \quad \frac{B}{\sigma} = U S V^T
@@ -118,7 +125,8 @@ class Observation(Displayed):
         offsets = np.zeros((len(stds), *self.values.shape))
         for r, std in enumerate(stds):
             offsets[r, r, self.time >= self.event.start - 1e-9] = std
-        rows = [offsets[stds > 0]] if self.modes is None else [np.asarray(self.modes), offsets[stds > 0]]
+        rows: list[NDArray[np.floating[Any]]] = [offsets[stds > 0], *self._allowed_error]
+        rows += [] if self.modes is None else [np.asarray(self.modes)]
         count, size = sum(map(len, rows)), self.values.size
         rows = [r.reshape(len(r), size) for r in rows]
         if not count:
@@ -141,6 +149,60 @@ class Observation(Displayed):
         for first in starts:
             U[first : first + _AT_ONCE] = scaled(first) @ (V / np.sqrt(squares))
         return U, 1.0 - 1.0 / np.sqrt(1.0 + squares)
+
+    @property
+    def _allowed_error(self) -> Iterator[NDArray[np.float64]]:
+        """Modes (K, R, L) of the model error of each channel."""
+        for r, name in enumerate(self.channels):
+            if self.model_error.get(name, 0.0) > 0.0:
+                courses = slow_modes(self.time, self.event.start, self.model_error_time)
+                modes = np.zeros((len(courses), *self.values.shape))
+                modes[:, r] = self.model_error[name] * courses
+                yield modes
+
+    def with_model_error(self, std: Mapping[str, float], time: float = 1.0) -> Observation:
+        r"""Return the observation for a model that is allowed a slow error.
+
+        No model is exact. An error that its user knows and accepts, for example of a winding that is left out, counts
+        as uncertainty after the start of the event, with the covariance (M1) of `slow_errors.slow_modes`: its
+        standard deviation is stated, and it changes within `time`. What is larger or faster still counts as an error.
+        The price is that causes of that size and speed are not found.
+
+        Parameters
+        ----------
+        std : mapping of str to float
+            Standard deviation by channel, in the channel's unit; channels that are left out have no model error.
+        time : float
+            T in seconds: after T the correlation is 0.61, after 2 T 0.14.
+
+        Raises
+        ------
+        InputError
+            If a channel is unknown, a number is out of range, or the record is longer than 225 T.
+
+        Examples
+        --------
+        >>> event = Event(np.linspace(0.0, 5.0, 501), start=1.0)
+        >>> error = 0.01 * (event.time >= 1.0) * np.sin(event.time)
+        >>> seen = Observation(event, np.zeros((1, 501)), np.array([1e-3]), ("P",), ("pu",))
+        >>> allowed = seen.with_model_error({"P": 0.01}, time=0.5)
+        >>> [round(float((one.deviations(error) ** 2).mean()), 2) for one in (seen, allowed)]
+        [47.33, 0.01]
+        """
+        for name, value in std.items():
+            if name not in self.channels:
+                raise unknown_name(name, self.channels, kind="channel", where="model_error")
+            check_real(value, f"model_error.{name}", low=0.0)
+        check_real(time, "the time of the model error", low=0.0, above=True)
+        slow_modes(self.time, self.event.start, time)  # a time that is too short is told now, not in a fit
+        told = [
+            f"A slow error of the model counts as uncertainty: {name} {value:g} {unit}, within {time:g} s."
+            for name, unit in zip(self.channels, self.units, strict=True)
+            if (value := std.get(name, 0.0)) > 0.0
+        ]
+        return replace(
+            self, model_error=dict(std), model_error_time=float(time), assumptions=(*self.assumptions, *told)
+        )
 
     def first(self, samples: int) -> Observation:
         """Return the observation at the first instants of the time axis, each time the same object.

@@ -162,7 +162,10 @@ def unknown_text(
         if closest.effects:
             text += f", and the nearest effect, {closest.name}, leaves {closest.chi2_per_sample:.3g}"
         text += "."
-    text += f" What parameters leave is most conspicuous in {_cell_text(test)}."
+    text += (
+        f" What parameters leave is most conspicuous in {_cell_text(test)}. If the model may be wrong by that much, "
+        "state it (`simulation.model_error`)."
+    )
     if near is not None:
         text += (
             f" The nearest mechanism is: {near.title}. It leaves {100 * (1.0 - near.explained):.2g} % of the error "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from time import perf_counter
@@ -218,10 +218,16 @@ class Findings:
 
     def _groups(self) -> tuple[Group, ...]:
         """Explanations that the recordings cannot tell from the first one, together with it."""
-        by_name, first = {h.name: h for h in self.hypotheses}, self.causes[0]
+        first, *others = self.causes
         least = conclusions.ALIKE * first.probability
-        alike = [by_name[c.name] for c in self.causes if c.name in by_name and c.probability >= least]
-        return (group_of(alike, self.events),) if first.kind != "unknown" and len(alike) > 1 else ()
+        alike = [c.name for c in others if c.probability >= least]
+        return self._grouped(alike) if first.kind != "unknown" else ()
+
+    def _grouped(self, names: Iterable[str]) -> tuple[Group, ...]:
+        """The first explanation and others by name, in this order; none without others."""
+        by_name = {h.name: h for h in self.hypotheses}
+        members = [by_name[n] for n in dict.fromkeys([self.causes[0].name, *names]) if n in by_name]
+        return (group_of(members, self.events),) if len(members) > 1 else ()
 
     def _judged(self, groups: Sequence[Group], others: Sequence[Observation] = ()) -> Verdict:
         """Verdict where no effect is needed."""
@@ -239,10 +245,10 @@ class Findings:
         # an effect of one recording alone gains nothing on others: only a loss speaks against it
         twins = () if first.event else self._twins(gain, others)
         if gain.interval[1] >= 0 if first.event else self._stands(gain, twins):
-            alike = dict.fromkeys([*_others_of(found.groups), *twins])
-            text = conclusions.named_text(first, self.chosen, self.base, [*alike])
+            groups = self._grouped([*_others_of(found.groups), *twins]) if twins else found.groups
+            text = conclusions.named_text(first, self.chosen, self.base, _others_of(groups))
             verdict = Verdict(found.verdict.kind, text + conclusions.placebo_text(gain))
-            return {"gain": gain, "confirmed": verdict}
+            return {"gain": gain, "confirmed": verdict, "groups": groups}
         locations, groups, count = self.located
         where = conclusions.location_text(locations, self.simulator)
         return {
@@ -271,6 +277,7 @@ class Findings:
         return {
             "gain": gain,
             "confirmed": Verdict("nearest", conclusions.nearest_text(near, gain, twins)),
+            "groups": as_named._grouped(twins),
             "extension": near.effects,
             "parameters": tuple(as_named._estimates(as_named.chosen)),
             "step": _step(as_named.extended),

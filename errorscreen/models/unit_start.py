@@ -44,6 +44,7 @@ class UnitStart:
             fits = fits & (limit.value >= low) & (limit.value <= high)
         return start.states, start.setpoints, fits
 
+    @np.errstate(all="ignore")  # an absurd parameter shows in `fits`
     def explain(self, values: Values) -> Explained:
         """States, references, conflicts, limits with the start between them, and rows that keep all rules."""
         known = {

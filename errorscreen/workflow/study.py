@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple
 
@@ -156,7 +156,13 @@ class Study:
             paths=tuple(section.path for section in case.recordings.values()),
             typical="" if case.device is None else case.device.typical,
         )
-        return study._with_assumptions(told) if told else study
+        allowed, seconds = case.simulation.model_error, case.simulation.model_error_time
+
+        def as_stated(one: Observation) -> Observation:
+            one = replace(one, assumptions=(*one.assumptions, *told))
+            return one.with_model_error(allowed, seconds) if allowed else one
+
+        return study._each(as_stated)
 
     @classmethod
     def of(
@@ -198,14 +204,10 @@ class Study:
             search_simulator(simulator, study.discovery.step, study.observations)
         return study
 
-    def _with_assumptions(self, told: tuple[str, ...]) -> Study:
-        """The same with further assumptions of all recordings."""
-
-        def added(one: Observation) -> Observation:
-            return replace(one, assumptions=(*one.assumptions, *told))
-
-        together, held_out = (tuple(map(added, ones)) for ones in (self.together, self.held_out))
-        return replace(self, observation=added(self.observation), together=together, held_out=held_out)
+    def _each(self, change: Callable[[Observation], Observation]) -> Study:
+        """The same with each observation changed."""
+        together, held_out = (tuple(map(change, ones)) for ones in (self.together, self.held_out))
+        return replace(self, observation=change(self.observation), together=together, held_out=held_out)
 
     def fingerprint(self, stage: Stage, *more: Any) -> str:
         """Digest of all that a stage depends on, so that a change of anything else leaves it valid.

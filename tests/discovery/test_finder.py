@@ -308,3 +308,15 @@ def test_where_parameters_have_not_come_to_rest_nothing_is_named(crease, monkeyp
     assert [(c.name, c.probability) for c in finder.causes_] == [("unknown", 1.0)]
     assert "did not end at a minimum" in finder.verdict_.text
     assert "ports" not in finder.verdict_.text  # nor is there a place
+
+
+def test_an_error_that_the_user_allows_is_not_searched(spring):
+    """The softening moves the position by up to 0.05 m, slowly."""
+    model, observation = spring
+    allowed = observation.with_model_error({"position": 0.1}, 0.3)
+    finder = CauseFinder(model, ["velocity.cubic(position)"], random_state=0).fit(allowed)
+    assert finder.verdict_.kind in ("within-noise", "parameters")
+    assert (
+        finder.verdict_.kind
+        != CauseFinder(model, finder.effects, random_state=0).fit(observation).verdict_.kind
+    )

@@ -77,6 +77,8 @@ def test_forms_that_correct_the_model_alike_are_a_group():
     assert found.final.kind == "nearest"
     (other,) = set(names) - {found.named.name}
     assert f"These recordings cannot tell it from: {other}." in found.final.text
+    (group,) = found.groups
+    assert group.names == (found.named.name, other)
 
 
 def test_an_event_a_measurement_or_one_at_a_bound_is_no_nearest_mechanism(friction):

@@ -74,6 +74,15 @@ def test_values_of_a_fit_that_break_a_rule_have_no_start(plant):
     assert "X''d <= X'd" in told
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_row_that_divides_by_zero_does_not_warn_while_another_is_explained():
+    low = played(unit(records(SEXS={"EMAX": 1.5})))
+    space = low.parameters
+    theta = np.tile(space.nominal, (2, 1))
+    theta[1, space.index("GENROU.Xpd")] = low.device.constant_values()["GENROU.Xl"]
+    assert "above EMAX = 1.5" in low.simulate(theta).failures()
+
+
 def test_a_constant_of_zero_has_the_range_of_its_model():
     damping = unit(records(GENROU={"D": 0.0})).candidates["GENROU.D"]
     assert (damping.nominal, damping.lower, damping.upper, damping.scale) == (0.0, 0.0, 4.0, 4.0)

@@ -5,6 +5,7 @@ import pytest
 
 from errorscreen.cases import load_case
 from errorscreen.events import Playback
+from errorscreen.exceptions import InputError
 from errorscreen.models.dyr import read_dyr
 from errorscreen.models.standard import PARTS
 from errorscreen.simulators import PlantSimulator
@@ -217,3 +218,20 @@ def test_the_report_tells_the_new_record(of_part):
     report = write_outputs(outcome, folder / "out")[1].read_text(encoding="utf-8")
     assert "lacks SEXS" in report
     assert "+101 &#39;SEXS&#39;" in report or "+101 'SEXS'" in report
+
+
+def test_a_stated_model_error_counts_in_all_recordings(folder):
+    text = CASE.replace(",\n  ", ", ") + "[simulation]\nmodel_error = {P = 0.02}\nmodel_error_time = 0.2\n"
+    text += '[[held_out]]\npath = "event.csv"\nname = "other"\nt_start = 0.1\n'
+    (folder / "error.toml").write_text(text)
+    study = Study.from_case(load_case(folder / "error.toml"))
+    plain = Study.from_case(load_case(folder / "case.toml"))
+    wave = 0.02 * np.sin(study.observation.time) * (study.observation.time > 1.0)
+    errors = study.observation.values + np.stack([wave, 0 * wave])
+    allowed, counted = (np.square(s.observation.deviations(errors)).sum() for s in (study, plain))
+    assert allowed < 0.05 * counted
+    assert all(o.model_error == {"P": 0.02} and o.model_error_time == 0.2 for o in study.observations)
+    assert study.fingerprint("diagnosis") != plain.fingerprint("diagnosis")
+    (folder / "error.toml").write_text(text.replace("{P =", "{p ="))
+    with pytest.raises(InputError, match=r"model_error: unknown channel 'p'"):
+        Study.from_case(load_case(folder / "error.toml"))
