@@ -17,6 +17,7 @@ TEMPLATES: dict[str, Equations] = {
     "quadratic": terms.quadratic,
     "cubic": terms.cubic,
     "drag": terms.drag,
+    "magnetic_saturation": terms.magnetic_saturation,
     "coulomb": terms.coulomb,
     "stribeck": terms.stribeck,
     "offset": terms.offset,

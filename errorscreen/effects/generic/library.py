@@ -34,6 +34,11 @@ TEXTS: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
         "A resistance grows with the square of {s} and always opposes it, as in air, water or a turbulent pipe.",
         ("a cubic term", "more viscous friction"),
     ),
+    "magnetic_saturation": (
+        "Magnetic saturation", "− B max(|s| − A, 0)² sgn(s)", "Kundur, Power System Stability and Control, section 3.8",
+        "Iron saturates where the flux {s} is beyond A: it needs more magnetising current than the model says.",
+        ("saturation of the input", "a cubic term"),
+    ),
     "coulomb": (
         "Coulomb friction", "− F sgn(s)", _FRICTION,
         "A force of constant size opposes {s}: motion ends in finite time, and small forces move nothing.",
@@ -166,6 +171,7 @@ def _structural(anatomy: Anatomy) -> Iterator[GenericEffect]:
         for template in _OF_EQUATIONS:
             yield _effect(anatomy, template, "equation", target)
         if target in sources and target not in anatomy.rates:
+            yield _effect(anatomy, "magnetic_saturation", "equation", target, target)
             yield _effect(anatomy, "overflow", "equation", target, target)
             for into in (s for s in anatomy.equations if s != target and s not in anatomy.rates):
                 yield replace(

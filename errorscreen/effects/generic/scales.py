@@ -132,6 +132,14 @@ def _stribeck(at: Scales) -> tuple[Parameter, ...]:
     )
 
 
+def _magnetic_saturation(at: Scales) -> tuple[Parameter, ...]:
+    size = at.anatomy.size(at.signal)
+    return (
+        at.coefficient(2, 0.0, "B"),
+        at.between("A", 0.0, size, at.unit, "A", "size of the signal at which it begins", 0.7 * size),
+    )
+
+
 def _offset(at: Scales) -> tuple[Parameter, ...]:
     size = 0.5 * at.effort
     return (strength("b", 0.1 * size, size, at.rate, at.of, "b", "size; 0: none", -size),)
@@ -210,6 +218,7 @@ _PARAMETERS: Mapping[str, Callable[[Scales], tuple[Parameter, ...]]] = {
     "quadratic": lambda at: (at.coefficient(2),),
     "cubic": lambda at: (at.coefficient(3),),
     "drag": lambda at: (at.coefficient(2, 0.0),),
+    "magnetic_saturation": _magnetic_saturation,
     "coulomb": lambda at: (at.positive("F", at.effort, at.rate, "force"),),
     "stribeck": _stribeck,
     "offset": _offset,

@@ -11,13 +11,15 @@ r"""Terms that are added to a quantity v: a state equation, an input or an outpu
     v &+ b                                                                                   & (G6)\\
     v &+ A \sin(2\pi f t + \varphi)                                                          & (G7)\\
     v &- F z,\quad \dot z = \frac{s}{y}\Big(1 - \tfrac12\big(1 + \mathrm{sgn}(s z)\big)\,|z|^2\Big)   & (G8)\\
-    v &- k \max(s - c, 0)                                                                    & (G9)
+    v &- k \max(s - c, 0)                                                                    & (G9)\\
+    v &- B \max(|s| - A, 0)^2\,\mathrm{sgn}(s)                                                & (G20)
 
 Linear resistance or viscous friction (G0), quadratic (G1) and cubic (G2) term, quadratic resistance or drag (G3;
 Batchelor, *An Introduction to Fluid Dynamics*, section 5.11), Coulomb (G4) and Stribeck friction (G5;
 Armstrong-Hélouvry, Dupont, Canudas de Wit, Automatica 30, 1994), constant offset (G6), periodic forcing (G7),
 hysteresis of Bouc and Wen with :math:`\beta = \gamma = \tfrac12`, n = 2 (G8; Ismail, Ikhouane, Rodellar, Arch. Comput.
-Methods Eng. 16, 2009), overflow above a brim at c (G9).
+Methods Eng. 16, 2009), overflow above a brim at c (G9), magnetic saturation of a flux above A (G20; P. Kundur, *Power
+System Stability and Control*, 1994, section 3.8, in the quadratic form that GENROU has).
 
 Friction that changes sign at once cannot be integrated with a fixed step h. In the equation of the very state s that it
 opposes, v is the derivative without it, and friction of at most F takes the part that brings s to rest within the step:
@@ -70,6 +72,13 @@ def cubic(v: Any, s: Any, a: Any) -> Any:
 def drag(v: Any, s: Any, a: Any) -> Any:
     """Quadratic resistance, (G3)."""
     return v - a * abs(s) * s
+
+
+@register_jitable
+def magnetic_saturation(v: Any, s: Any, B: Any, A: Any) -> Any:
+    """Magnetic saturation, (G20)."""
+    beyond = max(abs(s) - A, 0.0)
+    return v - math.copysign(B * beyond * beyond, s)
 
 
 @register_jitable

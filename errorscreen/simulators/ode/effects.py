@@ -28,7 +28,9 @@ MEMORIES = 4
 
 EQUATION, INPUT, SIGNAL, OUTPUT = (PLACES.index(name) for name in ("equation", "input", "signal", "output"))
 VISCOUS, QUADRATIC, CUBIC, DRAG = NUMBERS["viscous"], NUMBERS["quadratic"], NUMBERS["cubic"], NUMBERS["drag"]
-COULOMB, STRIBECK, OFFSET = NUMBERS["coulomb"], NUMBERS["stribeck"], NUMBERS["offset"]
+MAGNETIC, COULOMB, STRIBECK, OFFSET = (
+    NUMBERS[name] for name in ("magnetic_saturation", "coulomb", "stribeck", "offset")
+)
 FORCING, HYSTERESIS, OVERFLOW = NUMBERS["forcing"], NUMBERS["hysteresis"], NUMBERS["overflow"]
 DEAD_BAND, SATURATION, RATE_LIMIT = NUMBERS["dead_band"], NUMBERS["saturation"], NUMBERS["rate_limit"]
 LAG, DELAY, BACKLASH = NUMBERS["lag"], NUMBERS["delay"], NUMBERS["backlash"]
@@ -67,6 +69,8 @@ def _act(
         return terms.cubic(v, s, a)
     if kind == DRAG:
         return terms.drag(v, s, a)
+    if kind == MAGNETIC:
+        return terms.magnetic_saturation(v, s, a, q[i, first + 1])
     if kind == COULOMB:
         return terms.coulomb(v, s, a, owns[r, 0], h, own)
     if kind == STRIBECK:
