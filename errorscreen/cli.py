@@ -115,7 +115,7 @@ def _demo(options: argparse.Namespace, out: str) -> None:
     with _process_for_training(Path(out), options.fresh) as process:
         from errorscreen.workflow.demo import demo_study
 
-        prepare = partial(demo_study, options.seed, not options.no_discovery)
+        prepare = partial(demo_study, options.seed, Path(out) / "inputs", not options.no_discovery)
         _study(prepare, Path(out), options, process)
 
 

@@ -125,8 +125,8 @@ class Observation(Displayed):
         offsets = np.zeros((len(stds), *self.values.shape))
         for r, std in enumerate(stds):
             offsets[r, r, self.time >= self.event.start - 1e-9] = std
-        rows: list[NDArray[np.floating[Any]]] = [offsets[stds > 0], *self._allowed_error]
-        rows += [] if self.modes is None else [np.asarray(self.modes)]
+        rows: list[NDArray[np.floating[Any]]] = [] if self.modes is None else [np.asarray(self.modes)]
+        rows += [offsets[stds > 0], *self._allowed_error]
         count, size = sum(map(len, rows)), self.values.size
         rows = [r.reshape(len(r), size) for r in rows]
         if not count:

@@ -12,8 +12,9 @@ voltage show in its level before the event, see `errorscreen.data.plausibility`.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,21 +36,44 @@ _FAR = 3.0
 _ALIKE = 1.5
 
 
-def _scaled(name: str, factor: float) -> Callable[[_Values], _Values]:
-    return lambda values: {name: factor * values[name]}
+class Reading(NamedTuple):
+    """Another way to read a recording.
+
+    Parameters
+    ----------
+    words : str
+        With the key of the case file.
+    needed : tuple of str
+        Channels that it needs.
+    changed : callable
+        From the values of all channels to those that change.
+    keys : mapping of str to mapping
+        Keys of ``[recording.columns.NAME]`` by channel; empty where other headers have to be given.
+    """
+
+    words: str
+    needed: tuple[str, ...]
+    changed: Callable[[_Values], _Values]
+    keys: Mapping[str, Mapping[str, Any]]
 
 
-#: other ways to read a recording: in words with a remedy, the channels it needs, and the channels that change
-_OTHERS: tuple[tuple[str, tuple[str, ...], Callable[[_Values], _Values]], ...] = (
-    ("the other sign of Q (scale = -1)", ("Q",), _scaled("Q", -1.0)),
-    ("the other sign of P (scale = -1)", ("P",), _scaled("P", -1.0)),
-    (
+def _turned(name: str) -> Reading:
+    words = f"the other sign of {'the ' if name == 'angle' else ''}{name} (scale = -1)"
+    return Reading(words, (name,), lambda values: {name: -values[name]}, {name: {"scale": -1.0}})
+
+
+#: other ways to read a recording
+_OTHERS = (
+    _turned("Q"),
+    _turned("P"),
+    Reading(
         "the other sign of P and Q (sign = 'load')",
         ("P", "Q"),
         lambda v: {"P": -v["P"], "Q": -v["Q"]},
+        {"P": {"sign": "load"}, "Q": {"sign": "load"}},
     ),
-    ("P and Q interchanged", ("P", "Q"), lambda v: {"P": v["Q"], "Q": v["P"]}),
-    ("the other sign of the angle (scale = -1)", ("angle",), _scaled("angle", -1.0)),
+    Reading("P and Q interchanged", ("P", "Q"), lambda v: {"P": v["Q"], "Q": v["P"]}, {}),
+    _turned("angle"),
 )
 
 
@@ -75,15 +99,33 @@ def better_readings(simulator: PlantSimulator, recording: Recording) -> list[Dou
     >>> better_readings(PlantSimulator("synchronous_machine", recording), recording)
     []
     """
+    left, found = ranked_readings(simulator, recording)
+    if not found:
+        return []
+    other = found[0][0]
+    words = ", or ".join(reading.words for left_over, reading in found if left_over <= _ALIKE * other)
+    return [
+        Doubt(
+            f"With {words} the model as it is leaves {100 * other:.0f} % of what moves; as the recording is read, it "
+            f"leaves {100 * left:.0f} %."
+        )
+    ]
+
+
+def ranked_readings(
+    simulator: PlantSimulator, recording: Recording
+) -> tuple[float, list[tuple[float, Reading]]]:
+    """J of (1) as a recording is read, and of each other reading with which it is far smaller, the least first."""
     parts = _left(simulator, recording)
     left = sum(parts.values())
     if left <= _WELL or np.isinf(left):  # a model that cannot start has a message of its own
-        return []
+        return left, []
     values = {name: channel.values for name, channel in recording.channels.items()}
     found = []
-    for words, needed, change in _OTHERS:
+    for reading in _OTHERS:
+        needed = reading.needed
         if values.keys() >= {*needed}:
-            changed = _with(recording, change(values))
+            changed = _with(recording, reading.changed(values))
             there = _left(simulator, changed)
             other = sum(there.values())
             generates = "P" not in needed or changed.initial(["P"])["P"] > 0
@@ -93,17 +135,8 @@ def better_readings(simulator: PlantSimulator, recording: Recording) -> list[Dou
             if own is not None:
                 far |= other < left and there[own] < min(_MOST, parts[own] / _FAR)
             if far and generates:
-                found.append((other, words))
-    if not found:
-        return []
-    other = min(found)[0]
-    words = ", or ".join(words for left_over, words in sorted(found) if left_over <= _ALIKE * other)
-    return [
-        Doubt(
-            f"With {words} the model as it is leaves {100 * other:.0f} % of what moves; as the recording is read, it "
-            f"leaves {100 * left:.0f} %."
-        )
-    ]
+                found.append((other, reading))
+    return left, sorted(found, key=lambda one: (one[0], one[1].words))
 
 
 def _with(recording: Recording, changed: _Values) -> Recording:

@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Any
 from errorscreen._runtime.persistence import write_text_atomic
 from errorscreen.discovery.conclusions import probable
 from errorscreen.exceptions import InputError, unknown_name
+from errorscreen.report.charts import Chart
+from errorscreen.report.first_screen import acting, certainty, error_rows, statement
 from errorscreen.report.result import Result
 
 if TYPE_CHECKING:
@@ -22,17 +24,6 @@ if TYPE_CHECKING:
 
 #: Places in the report where figures can stand.
 SECTIONS = ("responses", "errors", "screening", "calibration", "discovery")
-#: Meaning of a verdict, in one line.
-HEADLINES = {
-    "within-noise": "The simulation agrees with the recording within its noise",
-    "parameters": "Parameters of the model can explain the error",
-    "measurement": "The measurement itself explains the error",
-    "effect": "The model lacks an effect, or a part of it acts otherwise",
-    "nearest": "The model lacks a mechanism; the nearest of the library explains most of the error",
-    "unknown": "The cause of the error is not known",
-}
-#: The same if the named effect belongs to one recording only.
-EVENT_HEADLINE = "What happened during the recording explains the error, not the model"
 _DASH = "–"
 
 
@@ -46,11 +37,15 @@ class ReportFigure:
     caption : str
         Also read aloud in place of the figure.
     figure : matplotlib.figure.Figure
+        For print, and for readers without scripts.
+    chart : Chart, optional
+        The same as curves that the page draws, with zoom and values.
     """
 
     section: str
     caption: str
     figure: Figure
+    chart: Chart | None = None
 
     def __post_init__(self) -> None:
         if self.section not in SECTIONS:
@@ -79,17 +74,26 @@ def render_report(result: Result, figures: Iterable[ReportFigure] = ()) -> str:
     """Text of the report, see `write_report`; the same result gives the same text."""
     if not isinstance(result, Result):
         raise InputError(f"a {type(result).__name__} is no result", allowed="errorscreen.report.Result")
-    placed: dict[str, list[dict[str, str]]] = {section: [] for section in SECTIONS}
+    from markupsafe import Markup
+
+    placed: dict[str, list[dict[str, Any]]] = {section: [] for section in SECTIONS}
     for item in figures:
-        placed[item.section].append({"caption": item.caption, "source": data_uri(item.figure)})
-    return _template().render(r=result, figures=placed, headline=headline_of(result))
-
-
-def headline_of(result: Result) -> str:
-    """Meaning of the verdict, in one line."""
-    found = result.diagnosis
-    kind = found.final.kind
-    return EVENT_HEADLINE if kind in ("effect", "measurement") and found.causes[0].event else HEADLINES[kind]
+        chart = Markup(item.chart.packed()) if item.chart else ""
+        placed[item.section].append(
+            {"caption": item.caption, "source": data_uri(item.figure), "chart": chart}
+        )
+    drawn = any(item["chart"] for every in placed.values() for item in every)
+    # without curves the page needs no script
+    return _template().render(
+        r=result,
+        figures=placed,
+        answer=statement(result),
+        acting=acting(result),
+        certainty=certainty(result),
+        errors=list(error_rows(result)),
+        sheet=Markup(_part("uPlot.min.css")) if drawn else "",
+        scripts=[Markup(_part(name)) for name in ("uPlot.iife.min.js", "charts.js")] if drawn else [],
+    )
 
 
 def data_uri(figure: Figure) -> str:
@@ -110,6 +114,11 @@ def format_number(value: float, digits: int = 3) -> str:
     text = f"{value:.{digits}g}"
     rounded = float(text)
     return f"{rounded:.0f}" if 10**digits <= abs(rounded) < 1e6 else text
+
+
+def format_seconds(value: float) -> str:
+    """Instant in seconds with milliseconds where it has any; a dash if it does not exist."""
+    return f"{value:.3f}".rstrip("0").rstrip(".") if math.isfinite(value) else _DASH
 
 
 def format_percent(share: float, digits: int = 3) -> str:
@@ -141,6 +150,12 @@ def _template() -> Any:
     environment.globals["change"] = format_change
     environment.globals["nan"] = math.nan
     environment.filters["percent"] = format_percent
+    environment.filters["seconds"] = format_seconds
     environment.filters["zip"] = zip
     environment.tests["known"] = math.isfinite
-    return environment.from_string(files("errorscreen.report").joinpath("report.html.j2").read_text("utf-8"))
+    return environment.from_string(_part("report.html.j2"))
+
+
+def _part(name: str) -> str:
+    """File of the page."""
+    return files("errorscreen.report").joinpath("page", name).read_text("utf-8")

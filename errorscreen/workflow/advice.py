@@ -36,6 +36,12 @@ def advice(diagnosis: Diagnosis, study: Study, hints: Sequence[str] = ()) -> lis
         )
     elif kind in ("effect", "measurement", "nearest"):
         out += _to_confirm(diagnosis.gain)
+    elif kind == "parameters" and diagnosis.confirmed is not None:
+        out += (
+            []
+            if hints
+            else ["Take over the calibrated values: recordings that were not fitted bear them out."]
+        )
     elif diagnosis.confirmed is None:
         whole = "these values hold" if kind == "parameters" else "the model as it is holds"
         out.append(

@@ -36,7 +36,8 @@ def correction_of(study: Study, diagnosis: Diagnosis) -> Correction | None:
     """Fewest changes of the model file that reproduce the fitted recordings, and the difference they make.
 
     Named effects belong to them where the file can hold them: a flag or another constant, or a part with the equations
-    of a standard model, which becomes a record. Where the verdict is unknown, only values that lower the error by far
+    of a standard model, which becomes a record. Beside a part that did not act, the other numbers are told: how the
+    unit was operated stands in no model file. Where the verdict is unknown, only values that lower the error by far
     are told, because something else is wrong as well; their intervals count the error that remains as noise. None
     without a model file, and where another effect or the measurement is named: values that make up for it would be
     wrong.
@@ -70,6 +71,8 @@ def correction_of(study: Study, diagnosis: Diagnosis) -> Correction | None:
             if one.name in fit.names_
         ]
         moved = [*(one for one in moved if one.name not in fit.names_), *further]
+    operated = {effect.local(p.name) for effect in named if effect.usual for p in effect.parameters}
+    moved = [one for one in moved if one.name not in operated]
     values, records = _in_file(study, named, {one.name: one.value for one in moved})
     if not (values or records):
         return None
@@ -92,7 +95,9 @@ def _named(study: Study, diagnosis: Diagnosis) -> list[Effect]:
     """Named effects, if the file can hold them all."""
     known = {effect.name: effect for effect in study.simulator.effects}
     named = [known.get(effect.name) for effect in diagnosis.extension]
-    found = [effect for effect in named if effect and (effect.kind == "constants" or effect.record)]
+    found = [
+        effect for effect in named if effect and (effect.kind == "constants" or effect.record or effect.usual)
+    ]
     return found if len(found) == len(named) else []
 
 
@@ -105,7 +110,7 @@ def _with_effects(
     for effect in named:
         given = {p.name: fitted[effect.local(p.name)] for p in effect.fitted}
         simulator = simulator.extend(effect, **{name: {"nominal": value} for name, value in given.items()})
-        names += [effect.local(name) for name in given]
+        names += [] if effect.usual else [effect.local(name) for name in given]
     switches = [_set(effect) for effect in named if effect.switch]
     if not names:
         return simulator, switches
@@ -134,6 +139,8 @@ def _in_file(
     assert isinstance(event, Playback)
     power = float(event.initial["P"])
     for effect in named:
+        if effect.usual:  # how the unit was operated
+            continue
         own = {p.name: moved[effect.local(p.name)] for p in effect.fitted}
         if effect.record is not None:
             records.append(NewRecord(*effect.record({**own, "P": power})))

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from errorscreen.calibration.result import Calibration
 from errorscreen.data.observations import Observation
+from errorscreen.data.panels import with_unit
 from errorscreen.discovery import Cell, NamedEffect, residual_test
-from errorscreen.discovery.diagnosis import EXTENDED, NOMINAL, PARAMETERS
+from errorscreen.discovery.diagnosis import EXTENDED, NOMINAL
 from errorscreen.discovery.judge.errors import stage_limits, stage_names
+from errorscreen.events import Playback
 from errorscreen.exceptions import InputError
 from errorscreen.features import CWTTransformer
 from errorscreen.plotting import (
@@ -24,11 +27,16 @@ from errorscreen.plotting import (
 )
 from errorscreen.plotting.error_images import Outlined
 from errorscreen.report import ReportFigure
+from errorscreen.report.charts import Chart, Curve, Panel
 from errorscreen.report.result import Role
 from errorscreen.workflow.outcome import Outcome
 
 #: rows and columns of the error images in the report
 _IMAGE = (64, 256)
+#: seconds over which a frequency is averaged that follows from an angle
+_SMOOTH = 0.1
+#: units of injected signals
+_UNITS = {"V": "pu", "f": "Hz", "Efd": "pu", "Pm": "pu", "P": "pu", "Q": "pu"}
 #: use of a recording in captions
 _ROLES: dict[Role, str] = {"fit": "fitted", "together": "fitted", "held_out": "not fitted"}
 
@@ -37,12 +45,20 @@ def figures(outcome: Outcome) -> Iterator[ReportFigure]:
     """Figures of the report, in their order."""
     result, study = outcome.result, outcome.study
     best = result.calibration[0].label
+    found = result.diagnosis
     for n, (observation, role) in enumerate(zip(study.observations, study.roles, strict=True)):
-        responses = {"before": outcome.responses[NOMINAL][n], f"after ({best})": outcome.responses[best][n]}
+        responses = {"before": outcome.responses[NOMINAL][n], "after": outcome.responses[best][n]}
+        if found.extension:
+            label = _extended(found.extension, observation.event.name)
+            responses[label] = found.responses[EXTENDED][n]
+        chart = chart_of(observation, responses, study.f_nominal)
+        thinned = " Long stretches are thinned; their extremes are kept." if chart.thinned else ""
         yield ReportFigure(
             "responses",
-            f"{observation.event.name} ({_ROLES[role]}): measured against simulated before and after calibration.",
+            f"{observation.event.name} ({_ROLES[role]}): measured, and simulated by the model as it was, after "
+            f"calibration{' and with the extension' if found.extension else ''}.{thinned}",
             plot_responses(observation, responses),
+            chart,
         )
     yield _error_image(outcome, best)
     if result.screening:
@@ -61,10 +77,46 @@ def figures(outcome: Outcome) -> Iterator[ReportFigure]:
     yield from _diagnosis_figures(outcome)
 
 
+def chart_of(
+    observation: Observation, responses: Mapping[str, NDArray[np.float64]], f_nominal: float
+) -> Chart:
+    """Curves of the compared channels, then of the signals that the event injects.
+
+    The angle is drawn as the frequency that follows from it.
+    """
+    roles: tuple[Literal["before", "after", "extended"], ...] = ("before", "after", "extended")
+    panels = []
+    for r in np.flatnonzero(observation.mask.any(axis=1)):
+        curves = [Curve("measured", "measured", observation.values[r])]
+        curves += [
+            Curve(label, role, y[r]) for role, (label, y) in zip(roles, responses.items(), strict=False)
+        ]
+        panels.append(Panel(observation.labels(np.arange(len(observation.channels)) == r)[0], tuple(curves)))
+    event = observation.event
+    compared = set(observation.channels)
+    for name, values in getattr(event, "signals", {}).items():
+        if name in compared:
+            continue
+        if name == "angle" and isinstance(event, Playback):
+            width = max(round(_SMOOTH / event.dt), 1)
+            slope = np.gradient(np.asarray(values), event.dt) / (2 * np.pi)
+            ends = np.pad(slope, (width // 2, width - 1 - width // 2), mode="edge")
+            smooth = np.convolve(ends, np.full(width, 1.0 / width), mode="valid")
+            panels.append(_input("f in Hz", "frequency", f_nominal + smooth))
+        else:
+            unit = _UNITS.get(name, "") if isinstance(event, Playback) else ""
+            panels.append(_input(with_unit(name, unit), name, np.asarray(values)))
+    return Chart(observation.time, event.start, tuple(panels))
+
+
+def _input(label: str, name: str, values: NDArray[np.float64]) -> Panel:
+    return Panel(label, (Curve(name, "input", values),))
+
+
 def _error_image(outcome: Outcome, best: str) -> ReportFigure:
     """Wavelet energy of the error before and after, of the first recording."""
     observation = outcome.study.observation
-    responses = {"before": outcome.responses[NOMINAL][0], f"after ({best})": outcome.responses[best][0]}
+    responses = {"before": outcome.responses[NOMINAL][0], "after": outcome.responses[best][0]}
     errors = {k: np.where(observation.mask, observation.values - y, 0.0) for k, y in responses.items()}
     cwt = CWTTransformer(
         sampling_period=observation.event.dt,
@@ -119,19 +171,9 @@ def _outlines_told(cells: Mapping[str, Sequence[Cell]]) -> str:
 
 
 def _diagnosis_figures(outcome: Outcome) -> Iterator[ReportFigure]:
-    """Responses of the extended model, or the unknown input at the likeliest port."""
+    """The unknown input at the likeliest port."""
     found, study = outcome.result.diagnosis, outcome.study
-    if found.extension:
-        for n, (observation, role) in enumerate(zip(study.observations, study.roles, strict=True)):
-            label = _extended(found.extension, observation.event.name)
-            responses = {PARAMETERS: found.responses[PARAMETERS][n], label: found.responses[EXTENDED][n]}
-            yield ReportFigure(
-                "discovery",
-                f"{observation.event.name} ({_ROLES[role]}): measured against the model with parameters only, and "
-                f"{label}.",
-                plot_responses(observation, responses),
-            )
-    elif found.input_locations:
+    if not found.extension and found.input_locations:
         first, event = found.input_locations[0], study.observation.event
         yield ReportFigure(
             "discovery",
@@ -143,9 +185,8 @@ def _diagnosis_figures(outcome: Outcome) -> Iterator[ReportFigure]:
 
 def _extended(effects: Sequence[NamedEffect], recording: str) -> str:
     """The extended model in one recording, for a legend: an effect of another recording alone is off."""
-    acting = [e.original for e in effects if e.recording in ("", recording)]
-    if acting:
-        return f"extended ({' + '.join(acting)})"
+    if any(e.recording in ("", recording) for e in effects):
+        return "extended"
     names = dict.fromkeys(e.original for e in effects)
     return f"parameters fitted beside {' + '.join(names)}, which is off here"
 

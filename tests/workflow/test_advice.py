@@ -64,6 +64,9 @@ def test_doubts_come_first_whatever_the_verdict():
     assert told("unknown", places=[PLACE], hints=HINTS).startswith(HINTS[0])
     assert told("effect", EXCITER, UNKNOWN, hints=HINTS).startswith(HINTS[0])
     assert told("parameters", PARAMETERS, UNKNOWN, hints=HINTS, confirmed="parameters") == HINTS[0]
+    assert told("parameters", PARAMETERS, UNKNOWN, confirmed="parameters").startswith(
+        "Take over the calibrated"
+    )
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,11 @@ def error_image(until=np.inf):
         screening=(),
     )
     study = SimpleNamespace(
-        observation=seen, observations=(seen,), roles=("fit",), run=SimpleNamespace(random_state=0)
+        f_nominal=50.0,
+        observation=seen,
+        observations=(seen,),
+        roles=("fit",),
+        run=SimpleNamespace(random_state=0),
     )
     outcome = Outcome(study, found, {"nominal": (before,), "map on all": (np.zeros_like(before),)})
     return next(figure for figure in figures(outcome) if figure.section == "errors")
@@ -45,9 +49,9 @@ def test_the_picture_of_an_error_outlines_where_it_is_more_than_noise():
     (cell,) = found.pop("P, before")
     # oscillation: from 0.5 s to 3 s after a fault that is taken to last 0.2 s; swings: 0.4 to 2.5 Hz
     np.testing.assert_allclose(cell, [2.7, 0.4, 5.2, 2.5], rtol=0.05)
-    assert found == {"Q, before": [], "P, after (map on all)": [], "Q, after (map on all)": []}
+    assert found == {"Q, before": [], "P, after": [], "Q, after": []}
     assert "more than noise" in image.caption
-    assert image.caption.endswith("1 of 32 before, 0 of 32 after (map on all).")
+    assert image.caption.endswith("1 of 32 before, 0 of 32 after.")
     again = outlines(error_image())
     np.testing.assert_array_equal(again["P, before"], [cell])
 

@@ -22,7 +22,6 @@ from errorscreen.exceptions import InputError
 from errorscreen.screening import RelativeThresholdSelector, TopKSelector
 from errorscreen.simulators import PlantSimulator
 from errorscreen.workflow import Study, run, run_study, write_outputs
-from errorscreen.workflow.demo import demo_study
 from errorscreen.workflow.screen import selector
 from tests.plants import dip
 
@@ -363,8 +362,3 @@ def test_a_verdict_does_not_need_map_among_the_calibrators(tmp_path):
     outcome = run_study(quick_study(sections=sections), tmp_path)
     assert [c.label for c in outcome.result.calibration] == ["pso on sensitivity", "pso on random"]
     assert outcome.result.diagnosis.final.kind == "parameters"
-
-
-def test_the_demo_hides_other_parameters_for_each_seed():
-    truths = [demo_study(seed).truth for seed in (0, 1)]
-    assert all(truths[0][name] != truths[1][name] for name in truths[0])

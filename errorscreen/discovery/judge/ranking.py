@@ -61,6 +61,8 @@ class NamedEffect:
         Name in words, with the meaning of its fitted values.
     acts : tuple of Acting
         From when to when it acts in each recording; only told of probable causes.
+    read : bool
+        Whether the title tells all of its fitted values.
     """
 
     name: str
@@ -72,6 +74,7 @@ class NamedEffect:
     confused_with: tuple[str, ...] = ()
     title: str = ""
     acts: tuple[Acting, ...] = ()
+    read: bool = False
 
     @classmethod
     def of(
@@ -81,12 +84,12 @@ class NamedEffect:
         acts: tuple[Acting, ...] = (),
     ) -> NamedEffect:
         """Words of an effect; fitted values, each with the ends of its interval, by full names."""
-        title = effect.title
+        title, read = effect.title, effect.reading is not None and values is not None
         if effect.reading is not None and values is not None:
             title = effect.reading(title, {p.name: values[effect.local(p.name)] for p in effect.fitted})
         return cls(
             effect.name, effect.original, effect.recording, effect.place, effect.formula, effect.description,
-            effect.confused_with, title, acts,
+            effect.confused_with, title, acts, read,
         )  # fmt: skip
 
 
