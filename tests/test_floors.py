@@ -19,7 +19,7 @@ FLOORS = [
     {"effects", "power"},
     {"models"},
     {"simulators"},
-    {"features", "plotting", "calibration"},
+    {"features", "plotting", "calibration", "validation"},
     {"learning"},
     {"screening"},
     {"testing", "cases"},

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import hashlib
 import stat
 from collections.abc import Iterable
 from pathlib import Path
@@ -55,6 +56,12 @@ def check_size(size: int, largest: int, where: str) -> None:
             allowed=f"at most {largest // 2**20} MiB",
             remedy="Check that this is the right file, or cut it",
         )
+
+
+def sha256(path: Path) -> str:
+    """Digest of a file, by which it can be told again."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def check_new(paths: Iterable[Path], remedy: str) -> None:

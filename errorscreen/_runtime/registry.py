@@ -1,4 +1,4 @@
-"""Registries: the devices, effects, readers, screeners and calibrators that a name can stand for."""
+"""Registries: the devices, effects, readers, screeners, calibrators and limits that a name can stand for."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any, Generic, TypeVar
 from errorscreen.exceptions import InputError, unknown_name
 
 #: groups of entry points, behind ``errorscreen.``
-_ROOMS = ("devices", "parts", "effects", "readers", "screeners", "calibrators")
+_ROOMS = ("devices", "parts", "effects", "readers", "screeners", "calibrators", "profiles")
 T = TypeVar("T")
 _log = logging.getLogger(__name__)
 

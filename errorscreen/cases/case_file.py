@@ -22,6 +22,7 @@ from errorscreen.cases.case_models import (
 )
 from errorscreen.cases.key_errors import explained, placed, with_others
 from errorscreen.cases.keys import key_tables
+from errorscreen.cases.limits_section import LimitsSection
 from errorscreen.cases.mended import without_wrong_keys
 from errorscreen.cases.model_sections import EVENTS, DeviceSection, GridSection
 from errorscreen.cases.plant_section import PlantSection
@@ -70,6 +71,7 @@ class Case(Section):
     screening: ScreeningSection = ScreeningSection()
     calibration: CalibrationSection = CalibrationSection()
     discovery: DiscoverySection = DiscoverySection()
+    limits: LimitsSection = LimitsSection()
     run: RunSection = RunSection()
     _folder: Path = PrivateAttr(default_factory=Path)
     _source: str = PrivateAttr(default="")

@@ -16,9 +16,11 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from errorscreen.data.moves import detect_event
+from errorscreen.data.observations import Observation
 from errorscreen.data.preparation import LEAST_MOVE
 from errorscreen.data.resampling import check_holes
 from errorscreen.data.signals import quantisation_step
+from errorscreen.events import Playback
 from errorscreen.exceptions import InputError
 
 _Array = NDArray[np.float64]
@@ -174,3 +176,24 @@ def _described(
         return None
     channel = max(sizes, key=lambda name: sizes[name])
     return Disturbance(float(onset), float(end), channel, sizes[channel])
+
+
+def fault_end(observation: Observation) -> float | None:
+    """Instant in s at which a fault ends: where what is injected has come back by half of its largest deviation.
+
+    The voltage tells, or the power where that is imposed. None where neither comes back within a second, as after a
+    step, and for an event that is no playback.
+    """
+    event, time = observation.event, observation.time
+    if not isinstance(event, Playback):
+        return None
+    name = "P" if event.by_power else "V"
+    deviation = np.abs(event.signals[name] - event.initial[name])
+    near = (time >= event.start) & (time <= event.start + 1.0)
+    if not near.any():
+        return None
+    worst = np.flatnonzero(near)[np.argmax(deviation[near])]
+    back = np.flatnonzero(deviation[worst:] < 0.5 * deviation[worst])
+    if len(back) and time[worst + back[0]] <= event.start + 1.0:
+        return float(time[worst + back[0]])
+    return None

@@ -18,6 +18,7 @@ from errorscreen.calibration.result import Calibration, Estimate
 from errorscreen.discovery import Contribution, Diagnosis, ModelFit
 from errorscreen.exceptions import InputError
 from errorscreen.report.version1 import upgraded
+from errorscreen.validation import Validation
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -41,6 +42,8 @@ class StudyInfo:
         1 pu of P and Q in MVA, and the nominal frequency in Hz.
     parameters : int
         Number of candidate parameters.
+    model_file, model_sha256 : str or None
+        File that the model comes from, and its digest.
     """
 
     title: str
@@ -49,6 +52,8 @@ class StudyInfo:
     base_mva: Real
     f_nominal: Real
     parameters: int
+    model_file: str | None = None
+    model_sha256: str | None = None
 
 
 @dataclass(frozen=True)
@@ -86,6 +91,10 @@ class RecordingInfo:
         Start of the event in s.
     channels : tuple of ChannelInfo
     assumptions : tuple of str
+    initial : dict of str to float
+        Operating point before the event: V, P and Q in pu, and what else is played back.
+    sha256 : str or None
+        Digest of the file, by which it can be told again.
     """
 
     name: str
@@ -97,6 +106,8 @@ class RecordingInfo:
     event_time: Real
     channels: tuple[ChannelInfo, ...]
     assumptions: tuple[str, ...] = ()
+    initial: dict[str, Real] = field(default_factory=dict)
+    sha256: str | None = None
 
 
 @dataclass(frozen=True)
@@ -238,6 +249,8 @@ class Result:
     correction : Correction or None
         Of the user's model file; None without one, and where an effect other than its flags, the measurement or noise
         is named.
+    validation : Validation or None
+        Errors in windows and figures of steps, by rule; None for a model that is no plant.
     schema_version : int
     """
 
@@ -253,6 +266,7 @@ class Result:
     advice: tuple[str, ...]
     run: Run
     correction: Correction | None = None
+    validation: Validation | None = None
     schema_version: Literal[2] = SCHEMA_VERSION
 
     @property
@@ -363,8 +377,9 @@ def _classes() -> dict[str, type]:
     """Classes of the result tree by name."""
     import errorscreen.calibration.result as calibration
     import errorscreen.discovery as discovery
+    import errorscreen.validation as validation
 
-    spaces = (vars(calibration), vars(discovery), globals())
+    spaces = (vars(calibration), vars(discovery), vars(validation), globals())
     return {
         name: c for space in spaces for name, c in space.items() if isinstance(c, type) and is_dataclass(c)
     }

@@ -13,13 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 import errorscreen
+from errorscreen._runtime.files import sha256
 from errorscreen.calibration.result import Calibration
 from errorscreen.data.observations import Observation
 from errorscreen.discovery import Contribution, Diagnosis, ModelFit
+from errorscreen.discovery.diagnosis import EXTENDED
+from errorscreen.events import Playback
 from errorscreen.learning.generation import local_sensitivity
 from errorscreen.metrics import top_k_overlap
 from errorscreen.report import Result
 from errorscreen.report.result import ChannelInfo, RecordingInfo, Role, Run, Screening, StudyInfo
+from errorscreen.validation import Validation, validate
 from errorscreen.workflow.advice import advice
 from errorscreen.workflow.study import Study
 from errorscreen.workflow.suspect_readings import doubts
@@ -79,8 +83,16 @@ def result_of(
             study.base_mva,
             study.f_nominal,
             len(study.simulator.parameters),
+            *(
+                (str(file.path), sha256(file.path))
+                if (file := study.model_file and study.model_file.file)
+                else ()
+            ),
         ),
-        tuple(_recording(*one) for one in zip_longest(study.observations, study.roles, study.paths)),
+        tuple(
+            _recording(*one)
+            for one in zip_longest(study.observations, study.roles, study.paths, study.digests)
+        ),
         diagnosis,
         tuple(_overlapping(one, contributions) for one in screened),
         contributions,
@@ -91,6 +103,18 @@ def result_of(
         tuple(advice(diagnosis, study, suspects)),
         run,
     )
+
+
+def validated(
+    study: Study, diagnosis: Diagnosis, responses: Mapping[str, Sequence[NDArray[np.float64]]]
+) -> Validation | None:
+    """Validation by rule of the model as it was, and of the extended or else the calibrated one; None for no plant."""
+    if not any(isinstance(one.event, Playback) for one in study.observations):
+        return None
+    before, *after = responses.values()
+    new = diagnosis.responses[EXTENDED] if diagnosis.extension else (after or [before])[0]
+    limits, title = (study.limits.limits(), study.limits.title) if study.limits else (None, "")
+    return validate(study.observations, list(before), list(new), limits, title)
 
 
 def _true_contributions(study: Study) -> dict[str, float] | None:
@@ -122,7 +146,7 @@ def _with_truth(calibration: Calibration, study: Study) -> Calibration:
     )
 
 
-def _recording(observation: Observation, role: Role, path: str | None) -> RecordingInfo:
+def _recording(observation: Observation, role: Role, path: str | None, digest: str | None) -> RecordingInfo:
     channels = zip(observation.channels, observation.units, observation.noise, observation.mask, strict=True)
     return RecordingInfo(
         observation.event.name,
@@ -137,6 +161,8 @@ def _recording(observation: Observation, role: Role, path: str | None) -> Record
             for name, unit, noise, mask in channels
         ),
         tuple(map(str, observation.assumptions)),
+        {name: float(value) for name, value in getattr(observation.event, "initial", {}).items()},
+        digest,
     )
 
 

@@ -35,7 +35,7 @@ from errorscreen.report.result import Correction, Screening
 from errorscreen.screening import SCREENERS
 from errorscreen.simulators.base import REMEDIES, Simulator, Status
 from errorscreen.workflow.correction import correction_of
-from errorscreen.workflow.outcome import Outcome, result_of, run_info
+from errorscreen.workflow.outcome import Outcome, result_of, run_info, validated
 from errorscreen.workflow.screen import screen
 from errorscreen.workflow.study import Study
 
@@ -101,7 +101,7 @@ def run_study(
     result = result_of(
         study, diagnosis, selected.screened, calibrations, responses, looked.contributions, run
     )
-    result = replace(result, correction=corrected)
+    result = replace(result, correction=corrected, validation=validated(study, diagnosis, responses))
     return Outcome(study, result, responses)
 
 

@@ -6,10 +6,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple
 
+from errorscreen._runtime.files import sha256
 from errorscreen._runtime.registry import other_packages
 from errorscreen._runtime.store import digest, program
 from errorscreen.cases import Case
 from errorscreen.cases.case_models import CalibrationSection, DiscoverySection, RunSection, ScreeningSection
+from errorscreen.cases.limits_section import LimitsSection
 from errorscreen.cases.model_sections import DeviceSection
 from errorscreen.data.observations import Observation
 from errorscreen.data.recordings import Recording
@@ -62,6 +64,10 @@ class Study:
         Where the model comes from a file.
     typical : str
         Sentence on values that are not those of this unit.
+    limits : LimitsSection, optional
+        That the model is validated by.
+    digests : tuple of str
+        SHA-256 of the files in `paths`.
     """
 
     title: str
@@ -79,6 +85,8 @@ class Study:
     together: tuple[Observation, ...] = ()
     model_file: ModelFile | None = None
     typical: str = ""
+    limits: LimitsSection | None = None
+    digests: tuple[str, ...] = ()
 
     @property
     def searched(self) -> tuple[Observation, ...]:
@@ -154,7 +162,9 @@ class Study:
         study = replace(
             study,
             paths=tuple(section.path for section in case.recordings.values()),
+            digests=tuple(sha256(case.folder / section.path) for section in case.recordings.values()),
             typical="" if case.device is None else case.device.typical,
+            limits=case.limits,
         )
         allowed, seconds = case.simulation.model_error, case.simulation.model_error_time
 

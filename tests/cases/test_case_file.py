@@ -219,7 +219,7 @@ BAD = {
     "key at the wrong place": (
         replaced('title = "line trip"', "random_state = 3"),
         "unknown section or key 'random_state'. Allowed: title, recording, together, held_out, device, plant, grid, "
-        "simulation, screening, calibration, discovery, run. 'random_state' belongs to [run].",
+        "simulation, screening, calibration, discovery, limits, run. 'random_state' belongs to [run].",
     ),
     "unknown key of a column": (
         replaced('unit = "kV"', 'units = "kV"'),

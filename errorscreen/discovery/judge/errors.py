@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from errorscreen._runtime.typed import Real
+from errorscreen.data.disturbances import fault_end
 from errorscreen.data.observations import Observation
 from errorscreen.events import InputSignal, Playback
 from errorscreen.metrics import quiet_level, response_error, rms
@@ -159,16 +160,8 @@ def stage_limits(observation: Observation) -> NDArray[np.float64]:
     time, start = observation.time, observation.event.start
     if isinstance(observation.event, InputSignal):
         return np.r_[time[0], np.linspace(start, time[-1], len(QUARTERS))]
-    end = start + 0.2
-    if isinstance(observation.event, Playback):
-        name = "P" if observation.event.by_power else "V"
-        deviation = np.abs(observation.event.signals[name] - observation.event.initial[name])
-        near = (time >= start) & (time <= start + 1.0)
-        if near.any():
-            worst = np.flatnonzero(near)[np.argmax(deviation[near])]
-            back = np.flatnonzero(deviation[worst:] < 0.5 * deviation[worst])
-            if len(back) and time[worst + back[0]] <= start + 1.0:
-                end = float(time[worst + back[0]])
+    end = fault_end(observation)
+    end = start + 0.2 if end is None else end
     limits = np.array([time[0], start, end, end + RECOVERY, end + OSCILLATION, time[-1]])
     return np.clip(limits, time[0], time[-1])
 
