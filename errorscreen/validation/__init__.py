@@ -9,10 +9,11 @@ from errorscreen.validation.measures import (
     step_figures,
     window_errors,
 )
+from errorscreen.validation.oscillation import oscillation
 from errorscreen.validation.validate import Criterion, Validation, validate
 from errorscreen.validation.windows import Window, windows
 
 __all__ = [
     "PROFILES", "Criterion", "Limits", "Profile", "StepFigures", "Validation", "Window", "WindowErrors", "WindowLimits",
-    "low_pass", "recovery_time", "step_figures", "validate", "window_errors", "windows",
+    "low_pass", "oscillation", "recovery_time", "step_figures", "validate", "window_errors", "windows",
 ]  # fmt: skip

@@ -16,10 +16,16 @@ from errorscreen.events import Playback
 from errorscreen.validation.limits import Limits, WindowLimits
 from errorscreen.validation.low_pass import SHORTEST, low_pass
 from errorscreen.validation.measures import DONE, recovery_time, step_figures, window_errors
+from errorscreen.validation.oscillation import oscillation
 from errorscreen.validation.windows import Window, windows
 
 #: a step smaller than this, in multiples of the noise, has no figures
 _STEP = 10.0
+#: of an oscillation: readings that it needs, readings that it is fitted to at most, order of the background, least
+#: share of the energy that both explain, and the largest damping ratio that has a frequency
+_LEAST_SWING, _POINTS, _BACKGROUND, _SWINGS, _MOST_DAMPED = 40, 400, 2, 0.9, 0.5
+#: multiples of the noise below which a signal is still
+_STILL = 3.0
 #: share of the voltage before the event below which a current has no meaning
 _VOLTAGE = 0.05
 
@@ -44,7 +50,8 @@ class Criterion:
     before, after : float
         Value of the model as it was, and of the one to use; NaN where it was not evaluated.
     limit : float
-        Largest magnitude; NaN for none.
+        Largest magnitude; NaN for none. Where it was not evaluated, the stated one, which may be a part of a measured
+        figure.
     outcome : {"passed", "failed", "not evaluated", "no limit"}
         Of the model to use.
     reason : str
@@ -88,13 +95,13 @@ class Validation:
 
     def summary(self) -> str:
         """How many criteria passed, in one sentence; empty without limits."""
-        judged = len(self.criteria) - self.count("no limit")
+        judged = [one.outcome for one in self.criteria if np.isfinite(one.limit)]
         if not judged:
             return ""
-        text = f"{self.count('passed')} of {judged} criteria passed ({self.title})"
-        failed, open_ = self.count("failed"), self.count("not evaluated")
+        text = f"{judged.count('passed')} of {len(judged)} criteria passed ({self.title})"
+        failed, unjudged = judged.count("failed"), judged.count("not evaluated")
         text += f", {failed} failed" if failed else ""
-        return text + (f", {open_} not evaluated" if open_ else "") + "."
+        return text + (f", {unjudged} not evaluated" if unjudged else "") + "."
 
 
 def validate(
@@ -146,6 +153,7 @@ def validate(
         criteria += _window_criteria(observation, signals, parts[observation.event.name], chosen)
         criteria += _step_criteria(observation, signals, chosen)
         criteria += _recovery(observation, signals, chosen)
+        criteria += _swing(observation, signals, parts[observation.event.name])
     return Validation(title, chosen.source, chosen.set_by, parts, tuple(criteria))
 
 
@@ -223,7 +231,7 @@ def _step_criteria(
             reason = "the signal does not follow the step" if small else ""
             reason = reason or ("" if np.isfinite(true) else "the measured response does not get that far")
             values = [getattr(one, figure) - true for one in models]
-            limit = None if allowed is None else allowed * true
+            limit = None if allowed is None else allowed * true if not reason else allowed
             own = "parts of the step" if figure == "overshoot" else "s"
             yield _criterion(event.name, name, figure, "step", own, values, limit, reason)
         values = [one.steady - measured.steady for one in models]
@@ -240,7 +248,7 @@ def _recovery(
         return
     assert isinstance(event, Playback)
     level = event.initial["P"]
-    reason, values, limit = "", [], None
+    reason, values, limit = "", [], None if limits.recovery is None else limits.recovery[1]
     if not level > 0.1:
         reason = "the unit hardly generated before the fault"
     else:
@@ -253,6 +261,32 @@ def _recovery(
             # a difference below one reading cannot be told
             limit = max(min(share * measured, seconds), event.dt)
     yield _criterion(event.name, "P", "recovery to 90 %", "after", "s", values, limit, reason)
+
+
+def _swing(
+    observation: Observation, signals: Sequence[tuple[str, str, _Array, float]], parts: Sequence[Window]
+) -> Iterator[Criterion]:
+    """Frequency and damping of the swings of the active power behind the event."""
+    after = next((w for w in parts if w.name == "after"), None)
+    power, noise = next(((rows, noise) for name, _, rows, noise in signals if name == "P"), (None, 0.0))
+    if after is None or power is None:
+        return
+    part = (observation.time >= after.start) & np.isfinite(power).all(axis=0)
+    reason = "no oscillation stands out"
+    values: dict[str, list[float]] = {"frequency": [], "damping ratio": []}
+    if part.sum() >= _LEAST_SWING and np.std(power[0, part]) > _STILL * noise:
+        every = -(-int(part.sum()) // _POINTS)
+        time, rows = observation.time[part][::every], power[:, part][:, ::every]
+        found = [
+            oscillation(time, row - row.mean(), most_damped=_MOST_DAMPED, order=_BACKGROUND) for row in rows
+        ]
+        if found[0][2] >= _SWINGS and found[0][1] < 0.99 * _MOST_DAMPED:
+            reason = ""
+            (frequency, damping, _), *models = found
+            values["frequency"] = [one[0] - frequency for one in models]
+            values["damping ratio"] = [one[1] - damping for one in models]
+    for measure, unit in (("frequency", "Hz"), ("damping ratio", "")):
+        yield _criterion(observation.event.name, "P", measure, "after", unit, values[measure], None, reason)
 
 
 def _criterion(

@@ -156,7 +156,24 @@ def test_limits_of_ones_own():
     seen = recorded(dip())
     own = Limits("contract 7", "the operator", {"after": WindowLimits(MXE=0.01)})
     found = validate([seen], [seen.values], [seen.values + 0.02], own, "contract")
-    judged = [c for c in found.criteria if c.outcome != "no limit"]
+    judged = [c for c in found.criteria if np.isfinite(c.limit)]
     assert {(c.window, c.measure) for c in judged} == {("after", "MXE")}
     assert all(c.outcome == "failed" for c in judged)
     assert (found.source, found.set_by) == ("contract 7", "the operator")
+
+
+def test_swings_are_compared_by_frequency_and_damping():
+    after = np.clip(TIME - 2.4, 0.0, None)
+
+    def swinging(frequency, damping):
+        decay = damping / np.sqrt(1 - damping**2) * 2 * np.pi * frequency
+        swing = 0.2 * np.exp(-decay * after) * np.cos(2 * np.pi * frequency * after)
+        return np.where(TIME < 2.4, dip(), 0.8 + swing - 0.05 * np.exp(-after))
+
+    seen = recorded(swinging(1.1, 0.05))
+    model = np.stack([swinging(1.25, 0.09), 0 * TIME])
+    found = validate([seen], [model], [model])
+    assert of(found, measure="frequency").after == pytest.approx(0.15, abs=0.01)
+    assert of(found, measure="damping ratio").after == pytest.approx(0.04, abs=0.005)
+    calm = validate([recorded(0.8 - 0.0 * TIME)], [model], [model])
+    assert of(calm, measure="frequency").outcome == "not evaluated"

@@ -4,8 +4,7 @@ Each form is fitted to the signal by least squares and judged by the share of it
 
 .. math:: r = 1 - \frac{\sum_k (s_k - \hat s_k)^2}{\sum_k s_k^2}                                       \qquad (I2)
 
-A damped oscillation :math:`c + e^{-\zeta\omega_n t}(a\cos\omega_d t + b\sin\omega_d t)`, with :math:`\omega_d =
-\omega_n\sqrt{1-\zeta^2}`, is linear in a, b and c: frequency and damping are searched on a grid, then refined.
+A damped oscillation is that of `errorscreen.validation.oscillation`, (V6).
 """
 
 from __future__ import annotations
@@ -16,10 +15,10 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from errorscreen._runtime.typed import Real
 from errorscreen.effects.latent_input import KNOTS
+from errorscreen.validation.oscillation import oscillation
 
 #: share of the peak from which a signal counts as acting
 _ACTS = 0.1
@@ -27,12 +26,10 @@ _ACTS = 0.1
 _LIKE = 0.85
 #: knots of the signal, between which a step rises
 _RISES = 2.5
-#: instants that edges are sought at, and the least number of periods of an oscillation
-_EDGES, _PERIODS = 64, 1.5
-#: frequencies, and damping ratios, of the search
-_FREQUENCIES, _DAMPINGS = 80, (-0.03, 0.0, 0.03, 0.07, 0.15)
-#: largest damping ratio of an oscillation, with which its second swing is less than half the first; and least one told
-_MOST_DAMPED, _UNDAMPED = 0.25, 0.005
+#: instants that edges are sought at
+_EDGES = 64
+#: least damping ratio that is told
+_UNDAMPED = 0.005
 #: instants that a form is fitted to, at most
 _POINTS = 400
 
@@ -135,7 +132,7 @@ def _forms(time: _Array, signal: _Array, start: float, stop: float, peak: float)
     explained, k, size = _best(signal, (time >= first[:, None]) & (time < last[:, None]))
     pulse = Shape("pulse", float(first[k]), float(last[k]), size, explained=explained)
     yield max(ramp, pulse, key=lambda form: form.explained)
-    frequency, damping, explained = _oscillation(time, signal)
+    frequency, damping, explained = oscillation(time, signal)
     yield Shape("oscillation", start, stop, peak, frequency, damping, explained)
 
 
@@ -146,25 +143,3 @@ def _best(signal: _Array, forms: NDArray[Any]) -> tuple[float, int, float]:
     explained = along**2 / norm / (signal @ signal)
     k = int(np.argmax(explained))
     return float(explained[k]), k, float(along[k] / norm[k])
-
-
-def _oscillation(time: _Array, signal: _Array) -> tuple[float, float, float]:
-    """Frequency in Hz and damping ratio of the best oscillation, and the share that it explains."""
-    t = time - time[0]
-    lowest, highest = _PERIODS / t[-1], 0.25 * (len(t) - 1) / t[-1]
-    if highest <= lowest:
-        return np.nan, np.nan, 0.0
-
-    def left(point: _Array) -> _Array:
-        natural = 2 * np.pi * np.exp(point[0]) / np.sqrt(1.0 - point[1] ** 2)
-        envelope = np.exp(np.clip(-point[1] * natural * t, -50.0, 50.0))
-        phase = 2 * np.pi * np.exp(point[0]) * t
-        columns = np.column_stack([envelope * np.cos(phase), envelope * np.sin(phase), np.ones_like(t)])
-        return np.asarray(signal - columns @ np.linalg.lstsq(columns, signal, rcond=None)[0])
-
-    grid = [(f, d) for f in np.linspace(np.log(lowest), np.log(highest), _FREQUENCIES) for d in _DAMPINGS]
-    first = min(grid, key=lambda point: float(np.sum(left(np.array(point)) ** 2)))
-    bounds = ([np.log(lowest), -_MOST_DAMPED], [np.log(highest), _MOST_DAMPED])
-    found = least_squares(left, np.array(first), bounds=bounds, max_nfev=50)
-    explained = 1.0 - float(2 * found.cost) / float(signal @ signal)
-    return float(np.exp(found.x[0])), float(found.x[1]), explained
