@@ -8,6 +8,19 @@ from typing import Any
 
 from errorscreen import __version__
 
+#: examples and exit codes below the help
+_EPILOG = """\
+examples:
+  errorscreen demo                               the whole job on an embedded example
+  errorscreen init unit2.csv --dyr unit2.dyr     a commented case file for a recording
+  errorscreen check unit2.toml                   all problems at once, and the time of the run
+  errorscreen run unit2.toml --out results       result.json, report.html, calibrated.dyr
+  errorscreen run units/*.toml --jobs 4          many units, with one index.html
+  errorscreen models GGOV1                       the constants of a standard model
+
+exit codes:
+  0 done   1 failed on the way   2 bad input   3 a reading is suspect   130 interrupted; of several cases the largest
+"""
 _RESUMABLE = "Finished stages are kept: give the same command again and it goes on from there."
 
 
@@ -17,13 +30,15 @@ def parser_of(functions: Mapping[str, Callable[..., Any]]) -> argparse.ArgumentP
     Parameters
     ----------
     functions : mapping of str to callable
-        Of the commands ``demo, run, diagnose, init, split, check, keys`` and of the benchmarks ``speed, paper,
-        discovery, ablation``; the parsed options hold one as ``command``.
+        Of the commands ``demo, run, diagnose, init, split, check, keys, effects, models`` and of the benchmarks
+        ``speed, paper, discovery, ablation``; the parsed options hold one as ``command``.
     """
     parser = argparse.ArgumentParser(
         prog="errorscreen",
         description="Show what a dynamic simulation gets wrong against a recording, name the parameters that carry "
         "the error, calibrate them and report it.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"errorscreen {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
@@ -41,7 +56,8 @@ def _add_studies(commands: Any, functions: Mapping[str, Callable[..., Any]]) -> 
     demo.set_defaults(command=functions["demo"], default_out="errorscreen-demo", interrupted=_RESUMABLE)
 
     run = commands.add_parser("run", help="the whole job on the recording and the model of a case file")
-    run.add_argument("case", metavar="CASE.toml", help="case file")
+    run.add_argument("cases", nargs="+", metavar="CASE.toml", help="case file; several have one index.html")
+    run.add_argument("--jobs", type=int, default=1, help="several cases: so many at a time (default 1)")
     run.add_argument("--no-discovery", action="store_true", help="only parameters, no missing effects")
     run.set_defaults(command=functions["run"], default_out=None, interrupted=_RESUMABLE)
 
@@ -51,6 +67,8 @@ def _add_studies(commands: Any, functions: Mapping[str, Callable[..., Any]]) -> 
     diagnose.add_argument("case", metavar="CASE.toml", help="case file")
     diagnose.set_defaults(command=functions["diagnose"], default_out=None, interrupted=_RESUMABLE)
 
+    for command in (demo, run, diagnose):
+        command.add_argument("--json", action="store_true", help="print the result as JSON in place of text")
     for command in (run, diagnose):
         command.add_argument(
             "--accept-readings",
@@ -79,8 +97,17 @@ def _add_studies(commands: Any, functions: Mapping[str, Callable[..., Any]]) -> 
     keys = commands.add_parser("keys", help="keys of a case file: default, allowed values, meaning")
     keys.add_argument("section", nargs="?", metavar="SECTION", help="for example recording (default: all)")
     keys.set_defaults(command=functions["keys"], out=None, default_out=None, interrupted="")
+    effects = commands.add_parser("effects", help="what the search can find missing: name, port, meaning")
+    models = commands.add_parser(
+        "models", help="models that a DYR file or a case can name, or one of them in full"
+    )
+    for command, name in ((effects, "effects"), (models, "models")):
+        command.add_argument(
+            "name", nargs="?", metavar="NAME", help="one of them in full (default: a list of all)"
+        )
+        command.set_defaults(command=functions[name], out=None, default_out=None, interrupted="")
     _add_folder(demo, demo.get_default("default_out"))
-    _add_folder(run, "as the case file says, or CASE-results here")
+    _add_folder(run, "as the case file says, or CASE-results here; errorscreen-fleet for several")
     _add_folder(diagnose, "as the case file says, or CASE-diagnosis here")
 
 

@@ -1,10 +1,10 @@
-"""Command line: ``errorscreen demo``, ``errorscreen run CASE.toml``, ``errorscreen bench speed``."""
+"""Command line, see `errorscreen.arguments`."""
 
 from __future__ import annotations
 
 import argparse
 import io
-import math
+import json
 import os
 import shutil
 import signal
@@ -18,6 +18,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from errorscreen._runtime.display import visible
 from errorscreen._runtime.log_lines import at_each_line
 from errorscreen.arguments import parser_of
 from errorscreen.exceptions import ErrorscreenError, InputError, SuspectReadingsError
@@ -26,6 +27,11 @@ from errorscreen.exceptions import ErrorscreenError, InputError, SuspectReadings
 BAD_INPUT, SUSPECT, FAILED, INTERRUPTED = 2, 3, 1, 130
 #: interrupts that have come
 _interrupts: list[int] = []
+
+
+def _say(text: str, *, to_errors: bool = False, **options: Any) -> None:
+    """Print a text that may hold names from files."""
+    print(visible(text), file=sys.stderr if to_errors else sys.stdout, **options)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -57,27 +63,27 @@ def main(argv: Sequence[str] | None = None) -> int:
             code = options.command(options, out)
             sys.stdout.flush()
     except SuspectReadingsError as error:
-        print(
+        _say(
             f"errorscreen: {error}\nCorrect the case file. If the recording is right as it is, give "
             "--accept-readings.",
-            file=sys.stderr,
+            to_errors=True,
         )
         return SUSPECT
     except ErrorscreenError as error:
-        print(f"errorscreen: {error}", file=sys.stderr)
+        _say(f"errorscreen: {error}", to_errors=True)
         return BAD_INPUT if isinstance(error, InputError) else FAILED
     except MemoryError as error:
-        print(
+        _say(
             f"errorscreen: the memory is not enough: {error or 'no more could be had'}. Choose fewer samples, "
             "a smaller library, a longer simulation.dt or a shorter window.",
-            file=sys.stderr,
+            to_errors=True,
         )
         return FAILED
     except BrokenPipeError:  # the reader of a pipe has read enough, as head does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
     except KeyboardInterrupt:
-        print(f"\nerrorscreen: interrupted. {options.interrupted}", file=sys.stderr)
+        _say(f"\nerrorscreen: interrupted. {options.interrupted}", to_errors=True)
         return INTERRUPTED
     return code or 0
 
@@ -106,7 +112,7 @@ def _line(show: bool, text: str) -> None:
     if _interrupts:
         raise KeyboardInterrupt
     if show:
-        print(text, file=sys.stderr, flush=True)
+        _say(text, to_errors=True, flush=True)
 
 
 def _demo(options: argparse.Namespace, out: str) -> None:
@@ -119,7 +125,17 @@ def _demo(options: argparse.Namespace, out: str) -> None:
         _study(prepare, Path(out), options, process)
 
 
-def _run(options: argparse.Namespace, out: str | None) -> None:
+def _run(options: argparse.Namespace, out: str | None) -> int:
+    if len(options.cases) > 1:
+        return _run_fleet(options, Path(out or "errorscreen-fleet"))
+    if options.jobs != 1:
+        raise InputError(
+            f"{options.jobs} jobs for one case",
+            where="--jobs",
+            allowed="1, or several case files",
+            remedy="Within a case, run.n_jobs says how many processes simulate for the network",
+        )
+    options.case = options.cases[0]
     folder = Path(out or f"{Path(options.case).stem}-results")
     with _process_for_training(folder, options.fresh) as process:
         from errorscreen.cases import load_case
@@ -130,6 +146,26 @@ def _run(options: argparse.Namespace, out: str | None) -> None:
             case = case.model_copy(update={"discovery": case.discovery.model_copy(update={"enabled": False})})
         folder = _case_folder(options, case, out, "results")
         _study(lambda: Study.from_case(case), folder, options, process)
+    return 0
+
+
+def _run_fleet(options: argparse.Namespace, folder: Path) -> int:
+    from errorscreen.workflow.fleet import run_fleet
+
+    passed = [
+        f"--{name}"
+        for name in ("no-discovery", "accept-readings", "fresh")
+        if getattr(options, name.replace("-", "_"))
+    ]
+    found = run_fleet(options.cases, _writable(folder), jobs=options.jobs, options=passed)
+    if options.json:
+        keys = ("name", "case", "code", "verdict", "statement", "certainty", "limits")
+        _say(json.dumps([{key: getattr(row, key) for key in keys} for row in found.rows], indent=2))
+        return found.code
+    for row in found.rows:
+        _say(f"{row.name}: {row.verdict}. {row.statement}")
+    _say(f"{found.summary()}\nWritten: {found.page}")
+    return found.code
 
 
 def _diagnose(options: argparse.Namespace, out: str | None) -> None:
@@ -152,38 +188,50 @@ def _init(options: argparse.Namespace, out: str | None) -> None:
 
     written = init_case(options.file, options.dyr, out)
     for text in written.check:
-        print(f"Check: {text}")
+        _say(f"Check: {text}")
     for text in written.missing:
-        print(f"State: {text}")
-    print("Written: " + ", ".join(str(path) for path in (written.case, written.picture) if path))
+        _say(f"State: {text}")
+    _say("Written: " + ", ".join(str(path) for path in (written.case, written.picture) if path))
     again = "Complete it, then: " if written.missing else ""
-    print(f"Next: {again}errorscreen check {written.case}")
+    _say(f"Next: {again}errorscreen check {written.case}")
 
 
 def _split(options: argparse.Namespace, out: None) -> None:
     from errorscreen.workflow.split_case import split_case
 
     found = split_case(options.case)
-    print(found.summary())
+    _say(found.summary())
     for text in found.check:
-        print(f"Check: {text}")
+        _say(f"Check: {text}")
     if found.cases:
-        print("Written: " + ", ".join(map(str, found.cases)))
-        print(f"Next: errorscreen check {found.cases[0]}")
+        _say("Written: " + ", ".join(map(str, found.cases)))
+        _say(f"Next: errorscreen check {found.cases[0]}")
 
 
 def _check(options: argparse.Namespace, out: None) -> int:
     from errorscreen.workflow.check_case import check_case
 
     found = check_case(options.case)
-    print(found.summary())
+    _say(found.summary())
     return BAD_INPUT if found.problems else SUSPECT if found.suspects else 0
 
 
 def _keys(options: argparse.Namespace, out: None) -> None:
     from errorscreen.cases import case_reference
 
-    print(case_reference(options.section))
+    _say(case_reference(options.section))
+
+
+def _effects(options: argparse.Namespace, out: None) -> None:
+    from errorscreen.workflow.listings import effects_table
+
+    _say(effects_table(options.name))
+
+
+def _models(options: argparse.Namespace, out: None) -> None:
+    from errorscreen.workflow.listings import models_table
+
+    _say(models_table(options.name))
 
 
 def _case_folder(
@@ -203,7 +251,7 @@ def _bench_speed(options: argparse.Namespace, out: str) -> None:
 
     folder = _writable(Path(out))
     measure_speed(folder, cnn=not options.no_cnn, labels=not options.no_labels)
-    print(f"Written: {folder / 'result.json'}, {folder / 'table.md'}")
+    _say(f"Written: {folder / 'result.json'}, {folder / 'table.md'}")
 
 
 def _bench_paper(options: argparse.Namespace, out: str) -> None:
@@ -223,8 +271,8 @@ def _bench_paper(options: argparse.Namespace, out: str) -> None:
             n_jobs=options.jobs,
             progress=show,
         )
-    print((folder / "tables.md").read_text(encoding="utf-8"))
-    print(
+    _say((folder / "tables.md").read_text(encoding="utf-8"))
+    _say(
         f"Written: {folder / 'result.json'}, {folder / 'tables.md'}, {folder / 'figure1.png'} to figure4.png"
     )
 
@@ -245,9 +293,9 @@ def _bench_discovery(options: argparse.Namespace, out: str) -> None:
             n_jobs=options.jobs,
             progress=show,
         )
-    print((folder / "tables.md").read_text(encoding="utf-8"))
+    _say((folder / "tables.md").read_text(encoding="utf-8"))
     written = ("result.json", "tables.md", "power.png", "reliability.png")
-    print("Written: " + ", ".join(str(folder / name) for name in written))
+    _say("Written: " + ", ".join(str(folder / name) for name in written))
 
 
 def _bench_ablation(options: argparse.Namespace, out: str) -> None:
@@ -265,8 +313,8 @@ def _bench_ablation(options: argparse.Namespace, out: str) -> None:
             n_jobs=options.jobs,
             progress=not options.quiet,
         )
-    print((folder / "tables.md").read_text(encoding="utf-8"))
-    print("Written: " + ", ".join(str(folder / name) for name in ("result.json", "tables.md")))
+    _say((folder / "tables.md").read_text(encoding="utf-8"))
+    _say("Written: " + ", ".join(str(folder / name) for name in ("result.json", "tables.md")))
 
 
 @contextmanager
@@ -282,9 +330,9 @@ def _process_for_training(folder: Path, fresh: bool) -> Iterator[Any]:
 
 
 def _study(prepare: Callable[[], Any], out: Path, options: argparse.Namespace, process: Any = None) -> None:
-    from errorscreen.discovery.conclusions import probable
     from errorscreen.workflow import run_study, write_outputs
     from errorscreen.workflow.suspect_readings import refuse_suspects
+    from errorscreen.workflow.told import told
 
     with _stages(out, options):
         study = prepare()
@@ -293,38 +341,12 @@ def _study(prepare: Callable[[], Any], out: Path, options: argparse.Namespace, p
         outcome = run_study(study, out, progress=not options.quiet, process=process)
     written = write_outputs(outcome, out)
     result = outcome.result
-    found = result.diagnosis
-    print(f"{study.title}: {found.final.kind}\n{found.final.text}")
-    for cause in found.causes[:3] if found.tried else ():
-        withdrawn = ", withdrawn" if cause.withdrawn else ""
-        print(f"  {probable(cause.probability):>6}  {cause.title}{withdrawn}")
-    for sentence in result.advice:
-        print(f"Next: {sentence}")
-    if result.correction:
-        changes = [f"new record {one.model}" for one in result.correction.records]
-        changes += [
-            f"{p.name} = {p.value:.4g}" + ("" if math.isnan(p.low) else f" [{p.low:.3g}, {p.high:.3g}]")
-            for p in result.correction.parameters
-        ]
-        print(f"To change in {result.correction.original}: {', '.join(changes)}")
-    failed = _failed(result)
-    if failed:
-        print(failed)
-    print("Written: " + ", ".join(str(path) for path in written))
+    if getattr(options, "json", False):
+        from errorscreen._runtime.typed import to_json
 
-
-def _failed(result: Any) -> str:
-    """How many simulations failed, and what to do about it; empty if none did."""
-    stages = {f"screening by {s.method}": s.n_failed for s in result.screening}
-    base = result.diagnosis.calibration
-    stages |= {f"calibration by {c.label}": c.n_failed for c in (*result.calibration, base)}
-    counts = ", ".join(f"{count} in {stage}" for stage, count in stages.items() if count)
-    if not counts:
-        return ""
-    return (
-        f"Simulations that failed and were left out: {counts}. If they are many, narrow the bounds of the parameters "
-        "or shorten simulation.step."
-    )
+        _say(to_json(result).decode())
+        return
+    _say("\n".join([*told(study.title, result), "Written: " + ", ".join(map(str, written))]))
 
 
 @contextmanager
@@ -359,7 +381,7 @@ def _writable(folder: Path) -> Path:
 
 
 def _show_warning(message: Any, category: type[Warning], *args: Any, **kwargs: Any) -> None:
-    print(f"note: {message}", file=sys.stderr)
+    _say(f"note: {message}", to_errors=True)
 
 
 #: functions of the commands, by the names of `errorscreen.arguments.parser_of`
@@ -371,6 +393,8 @@ _COMMANDS: dict[str, Callable[..., Any]] = {
     "split": _split,
     "check": _check,
     "keys": _keys,
+    "effects": _effects,
+    "models": _models,
     "speed": _bench_speed,
     "paper": _bench_paper,
     "discovery": _bench_discovery,

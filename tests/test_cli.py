@@ -404,3 +404,29 @@ def test_version_and_help(capsys):
 
 def test_public_names_of_the_workflow():
     assert set(workflow.__all__) == {"Outcome", "Study", "run_study", "write_outputs"}
+
+
+def test_control_characters_of_files_do_not_reach_the_terminal(tmp_path, capsys):
+    steering = CASE.replace("title = ", 'title = "red \\u001b[31m\\u202e" #', 1)
+    assert "title = " in CASE
+    case = folder(tmp_path, steering.replace('"cnn", ', ""))
+    assert main(["run", case, "--out", str(tmp_path / "out"), "--quiet", "--no-discovery"]) == 0
+    shown = capsys.readouterr().out
+    assert "\x1b" not in shown
+    assert "red \\x1b[31m\\u202e" in shown
+
+
+def test_the_result_can_be_printed_as_json(tmp_path, capsys):
+    case = folder(tmp_path, CASE.replace('"cnn", ', ""))
+    out = tmp_path / "out"
+    assert main(["run", case, "--out", str(out), "--quiet", "--no-discovery", "--json"]) == 0
+    shown = capsys.readouterr().out
+    assert json.loads(shown) == json.loads((out / "result.json").read_bytes())
+
+
+def test_help_has_examples_and_exit_codes(capsys):
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    shown = capsys.readouterr().out
+    assert "errorscreen run units/*.toml --jobs 4" in shown
+    assert "3 a reading is suspect" in shown

@@ -244,7 +244,17 @@ def case_step_errors():
     return table(("event", "channel", "range", *(f"{step:g} ms" for step in CASE_STEPS[1:])), rows)
 
 
-_COMMANDS = (("demo",), ("init",), ("split",), ("check",), ("run",), ("diagnose",), ("keys",))
+_COMMANDS = (
+    ("demo",),
+    ("init",),
+    ("split",),
+    ("check",),
+    ("run",),
+    ("diagnose",),
+    ("keys",),
+    ("effects",),
+    ("models",),
+)
 _BENCHES = ("speed", "paper", "discovery")
 #: where effects that belong to no device act
 _OF = {"measurement": "every simulator, for each of its channels", "event": "grids, for a fault"}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from html import escape
 from typing import Any
+from unicodedata import category
 
 #: Characters of a repr at most.
 LONGEST = 199
@@ -13,6 +14,16 @@ LONGEST = 199
 def shortened(text: str, limit: int = LONGEST) -> str:
     """Cut a text that is too long."""
     return text if len(text) <= limit else text[: limit - 3] + "..."
+
+
+def visible(text: str) -> str:
+    r"""Escape control and format characters, which may stand in a file's names and would steer a terminal.
+
+    >>> print(visible("Unit 1\x1b[2J\u202e: a line\nand the second"))
+    Unit 1\x1b[2J\u202e: a line
+    and the second
+    """
+    return "".join(c if c in "\n\t" or category(c) not in ("Cc", "Cf") else ascii(c)[1:-1] for c in text)
 
 
 def listed(names: Iterable[str], limit: int = 8) -> str:

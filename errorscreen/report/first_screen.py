@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from errorscreen.calibration.result import Estimate
+from errorscreen.discovery import ModelFit
 from errorscreen.discovery.conclusions import acting_text, probable
 from errorscreen.discovery.diagnosis import EXTENDED
 from errorscreen.report.result import Result, Role
@@ -100,10 +101,7 @@ def certainty(result: Result) -> str:
 
 def error_rows(result: Result) -> Iterator[ErrorRow]:
     """Errors of the model as it was, and of the extended or the calibrated one."""
-    found = result.diagnosis
-    before = result.models[0]
-    later = [found.model(EXTENDED)] if found.extension else [*result.models[1:2]]
-    after = later[0] if later else None
+    before, after = result.models[0], model_to_use(result)
     role = {one.name: one.role for one in result.recordings}
     for one in before.channels:
         other = after.channel(one.recording, one.channel) if after else None
@@ -122,6 +120,13 @@ def error_rows(result: Result) -> Iterator[ErrorRow]:
             power,
             result.study.base_mva,
         )
+
+
+def model_to_use(result: Result) -> ModelFit | None:
+    """Errors of the extended model, or else of the calibrated one; None without any."""
+    if result.diagnosis.extension:
+        return result.diagnosis.model(EXTENDED)
+    return result.models[1] if len(result.models) > 1 else None
 
 
 def acting(result: Result) -> str:

@@ -84,7 +84,7 @@ def render_report(result: Result, figures: Iterable[ReportFigure] = ()) -> str:
         )
     drawn = any(item["chart"] for every in placed.values() for item in every)
     # without curves the page needs no script
-    return _template().render(
+    return template("report.html.j2").render(
         r=result,
         figures=placed,
         answer=statement(result),
@@ -135,8 +135,10 @@ def format_change(before: float, after: float) -> str:
     return f"{sign}{abs(percent)} %"
 
 
-def _template() -> Any:
+def template(name: str) -> Any:
+    """Template of a page, with the filters that all pages share."""
     from jinja2 import Environment, StrictUndefined
+    from markupsafe import Markup
 
     environment = Environment(
         autoescape=True,
@@ -149,11 +151,12 @@ def _template() -> Any:
     environment.filters["probable"] = probable
     environment.globals["change"] = format_change
     environment.globals["nan"] = math.nan
+    environment.globals["style"] = Markup(_part("style.css"))
     environment.filters["percent"] = format_percent
     environment.filters["seconds"] = format_seconds
     environment.filters["zip"] = zip
     environment.tests["known"] = math.isfinite
-    return environment.from_string(_part("report.html.j2"))
+    return environment.from_string(_part(name))
 
 
 def _part(name: str) -> str:
