@@ -47,7 +47,7 @@ def advice(diagnosis: Diagnosis, study: Study, hints: Sequence[str] = ()) -> lis
         out.append(
             f"Record another event of the same unit and hold it out: only that shows whether {whole} there too."
         )
-    return [*out, *filter(None, [study.typical])]
+    return [*out, *study.notes, *filter(None, [study.typical])]
 
 
 def _at_bounds(diagnosis: Diagnosis) -> Iterator[str]:

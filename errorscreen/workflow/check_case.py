@@ -174,7 +174,8 @@ def _names(error: InputError, role: str, section: RecordingSection) -> bool:
 
 
 def _missing_extras(case: Case) -> list[str]:
-    trained = any(SCREENERS[name].trains for name in case.screening.methods)
+    methods = case.screening.methods if "methods" in case.screening.model_fields_set else ()
+    trained = any(SCREENERS[name].trains for name in methods)
     if not trained and not (case.discovery.first_look and case.discovery.enabled):
         return []
     try:

@@ -17,11 +17,13 @@ from errorscreen.data.observations import Observation
 from errorscreen.data.recordings import Recording
 from errorscreen.data.resampling import check_steps
 from errorscreen.discovery.search_step import search_simulator
-from errorscreen.exceptions import InputError
+from errorscreen.exceptions import InputError, MissingExtraError
+from errorscreen.learning.regressors import require_network
 from errorscreen.models import Device
 from errorscreen.models.dyr import DyrFile
 from errorscreen.models.unit import MACHINE_BASE
 from errorscreen.report.result import Role
+from errorscreen.screening import SCREENERS
 from errorscreen.simulators import Connection, PlantSimulator
 from errorscreen.simulators.base import Simulator
 from errorscreen.workflow.grid_recordings import observed_grid
@@ -68,6 +70,8 @@ class Study:
         That the model is validated by.
     digests : tuple of str
         SHA-256 of the files in `paths`.
+    notes : tuple of str
+        What was left out, for the advice of the report.
     """
 
     title: str
@@ -87,6 +91,7 @@ class Study:
     typical: str = ""
     limits: LimitsSection | None = None
     digests: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def searched(self) -> tuple[Observation, ...]:
@@ -194,6 +199,7 @@ class Study:
             effect is unknown.
         """
         check_effects(simulator, sections.discovery)
+        screening, notes = usable_screening(sections.screening)
         observation, *others = (observed(simulator, r) for r in (recording, *together, *held_out))
         study = cls(
             title or recording.name,
@@ -202,12 +208,13 @@ class Study:
             tuple(others[len(together) :]),
             recording.base_mva,
             recording.f_nominal,
-            sections.screening,
+            screening,
             sections.calibration,
             sections.discovery,
             sections.run,
             truth,
             together=tuple(others[: len(together)]),
+            notes=notes,
         )
         _check_distinct(study)
         if study.discovery.step is not None:  # told now, not after all that comes before the search
@@ -268,6 +275,19 @@ def _between(
             "record names."
         )
     return constants, connection, tuple(told)
+
+
+def usable_screening(section: ScreeningSection) -> tuple[ScreeningSection, tuple[str, ...]]:
+    """The section without methods that train a network, where torch is missing and nobody asked for them by name."""
+    trained = [name for name in section.methods if SCREENERS[name].trains]
+    try:
+        require_network()
+    except MissingExtraError as error:
+        if trained and "methods" not in section.model_fields_set:
+            others = [name for name in section.methods if name not in trained]
+            note = f"Parameters were ranked without {', '.join(trained)}: {error}"
+            return section.model_copy(update={"methods": others}), (note,)
+    return section, ()
 
 
 def check_effects(simulator: Simulator, section: DiscoverySection, source: str = "") -> None:

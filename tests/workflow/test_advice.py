@@ -48,6 +48,7 @@ def told(
     hints=(),
     simulator=MACHINE,
     typical="",
+    notes=(),
 ):
     """Advice on a verdict, and on another one after held-out recordings if that is given."""
     found = diagnosis(
@@ -55,7 +56,7 @@ def told(
         confirmed=Verdict(confirmed, "") if confirmed else None, calibration=Calibration("map", "all", ()),
     )  # fmt: skip
     discovery = SimpleNamespace(effects=effects, enabled=True)
-    study = SimpleNamespace(simulator=simulator, discovery=discovery, typical=typical)
+    study = SimpleNamespace(simulator=simulator, discovery=discovery, typical=typical, notes=notes)
     return " ".join(advice(found, study, hints))
 
 
@@ -86,13 +87,18 @@ def test_values_at_bounds_are_a_sign_of_a_missing_part(names, beginning):
     calibration = Calibration("map", "all", tuple(fitted))
     found = diagnosis(Verdict("unknown", ""), causes=(UNKNOWN,), calibration=calibration)
     study = SimpleNamespace(
-        simulator=MACHINE, discovery=SimpleNamespace(effects=None, enabled=True), typical=""
+        simulator=MACHINE, discovery=SimpleNamespace(effects=None, enabled=True), typical="", notes=()
     )
     first = advice(found, study)[0]
     assert first.startswith(beginning) if beginning else "at a bound" not in first
     if beginning:
         assert "allow a wider range" in first
         assert "the model lacks a part" in first
+
+
+def test_what_was_left_out_is_told_before_typical_values():
+    text = told("effect", EXCITER, UNKNOWN, gain=GAIN, notes=("Without cnn.",), typical="Typical values.")
+    assert text.endswith("Without cnn. Typical values.")
 
 
 def test_typical_values_are_told_last():

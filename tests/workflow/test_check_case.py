@@ -152,6 +152,15 @@ def test_a_missing_extra_is_told(folder, monkeypatch):
     assert "screening.methods: torch is not installed" in problem
 
 
+def test_a_missing_extra_that_nobody_asked_for_is_left_out(folder, monkeypatch):
+    path = changed(folder, ('methods = ["sensitivity"]\n', ""))
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    assert check_case(path).problems == ()
+    study = module.Study.from_case(load_case(path))
+    assert study.screening.methods == ["sensitivity", "random"]
+    assert "ranked without cnn: torch is not installed" in study.notes[0]
+
+
 def test_effects_that_a_plant_knows_are_not_called_unknown(folder):
     case = load_case(folder / "case.toml")
     names = [effect.name for effect in module.Study.from_case(case).simulator.effects_named(None)]
