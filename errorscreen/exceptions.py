@@ -51,7 +51,7 @@ class InputError(ErrorscreenError, ValueError):
         if allowed:
             text += f" Allowed: {allowed}."
         if remedy:
-            text += f" {remedy.rstrip('.')}."
+            text += f" {remedy}" if remedy.endswith("?") else f" {remedy.rstrip('.')}."
         super().__init__(text)
 
 
