@@ -14,8 +14,8 @@ from errorscreen.report.result import Result, Role
 
 #: values that are told in a sentence; the others stand in a table
 _TOLD = 4
-#: powers by the first letter of their channel, with their unit beside pu
-_POWERS = {"P": "MW", "Q": "Mvar"}
+#: units of powers beside pu
+_POWERS = {"P": "MW", "Q": "Mvar", "Pm": "MW"}
 
 
 @dataclass(frozen=True)
@@ -84,9 +84,11 @@ def certainty(result: Result) -> str:
         text = f"Probability {probable(first.probability)}{tried}. "
     gain = found.gain
     held_out = [one for one in result.recordings if one.role == "held_out"]
+    events = f"{len(held_out)} recordings that were" if len(held_out) > 1 else "one recording that was"
+    if found.final.kind == "unknown":
+        return f"What the search told first did not hold on {events} not fitted." if found.refuted else ""
     if not held_out:
         return f"{text}No recording was held out, so nothing confirms it on another event."
-    events = f"{len(held_out)} recordings that were" if len(held_out) > 1 else "one recording that was"
     if gain is not None and math.isfinite(gain.gain) and not first.event:
         low, high = gain.interval
         between = f" [{100 * low:.0f}, {100 * high:.0f}]" if math.isfinite(low) else ""
@@ -106,9 +108,7 @@ def error_rows(result: Result) -> Iterator[ErrorRow]:
     for one in before.channels:
         other = after.channel(one.recording, one.channel) if after else None
         power = (
-            _POWERS.get(one.channel[:1], "")
-            if one.unit == "pu" and math.isfinite(result.study.base_mva)
-            else ""
+            _POWERS.get(one.channel, "") if one.unit == "pu" and math.isfinite(result.study.base_mva) else ""
         )
         yield ErrorRow(
             one.recording,

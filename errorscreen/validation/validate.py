@@ -15,12 +15,14 @@ from errorscreen.data.observations import Observation
 from errorscreen.events import Playback
 from errorscreen.validation.limits import Limits, WindowLimits
 from errorscreen.validation.low_pass import SHORTEST, low_pass
-from errorscreen.validation.measures import DONE, recovery_time, step_figures, window_errors
+from errorscreen.validation.measures import DONE, StepFigures, recovery_time, step_figures, window_errors
 from errorscreen.validation.oscillation import oscillation
 from errorscreen.validation.windows import Window, windows
 
-#: a step smaller than this, in multiples of the noise, has no figures
-_STEP = 10.0
+#: signals that limits are for; others are told and not judged
+_JUDGED = ("P", "Q", "Ip", "Iq")
+#: a step smaller than this, in multiples of the noise, has no figures; an overshoot below this is noise
+_STEP, _NOISE = 10.0, 3.0
 #: of an oscillation: readings that it needs, readings that it is fitted to at most, order of the background, least
 #: share of the energy that both explain, and the largest damping ratio that has a frequency
 _LEAST_SWING, _POINTS, _BACKGROUND, _SWINGS, _MOST_DAMPED = 40, 400, 2, 0.9, 0.5
@@ -193,9 +195,7 @@ def _window_criteria(
         for name, unit, rows, _ in signals:
             inside = rows[:, part]
             known = np.isfinite(inside).all(axis=0)
-            reason = ""
-            if known.sum() < SHORTEST:
-                reason = f"{known.sum()} values in this window, at least {SHORTEST} are needed"
+            reason = _too_few(inside) if known.sum() < SHORTEST else ""
             figures = []
             if not reason:
                 # gaps are bridged for the filter, and do not count
@@ -206,9 +206,16 @@ def _window_criteria(
                 values = [
                     abs(getattr(f, measure)) if measure == "MXE" else getattr(f, measure) for f in figures
                 ]
-                yield _criterion(
-                    recording, name, measure, window.name, unit, values, getattr(own, measure), reason
-                )
+                limit = getattr(own, measure) if name in _JUDGED else None
+                yield _criterion(recording, name, measure, window.name, unit, values, limit, reason)
+
+
+def _too_few(rows: _Array) -> str:
+    """Why too few values can be compared of rows (3, l): measured, and both models."""
+    for row, who in zip(rows[1:], ("as it was", "to use"), strict=True):
+        if not np.isfinite(row).any() and np.isfinite(rows[0]).any():
+            return f"the model {who} cannot be simulated here, or its current has no meaning without voltage"
+    return f"{np.isfinite(rows[0]).sum()} values in this window, at least {SHORTEST} are needed"
 
 
 def _step_criteria(
@@ -219,23 +226,45 @@ def _step_criteria(
     assert isinstance(event, Playback)
     if event.kind not in ("step test", "open-circuit test"):
         return
-    names = ("reaction", "rise", "settling", "overshoot")
+    figures = ("reaction", "rise", "settling", "overshoot", "steady")
+    units = {"overshoot": "parts of the step"}
+    time = observation.time
     for name, unit, rows, noise in signals:
-        found = [step_figures(observation.time, row, event.start) for row in rows]
-        measured, *models = found
-        level = np.nanmean(rows[0][observation.time < event.start])
-        small = abs(measured.steady - level) < _STEP * noise
-        for figure in names:
-            true = getattr(measured, figure)
-            allowed = limits.overshoot if figure == "overshoot" else limits.times
-            reason = "the signal does not follow the step" if small else ""
-            reason = reason or ("" if np.isfinite(true) else "the measured response does not get that far")
-            values = [getattr(one, figure) - true for one in models]
-            limit = None if allowed is None else allowed * true if not reason else allowed
-            own = "parts of the step" if figure == "overshoot" else "s"
-            yield _criterion(event.name, name, figure, "step", own, values, limit, reason)
-        values = [one.steady - measured.steady for one in models]
-        yield _criterion(event.name, name, "steady", "step", unit, values, limits.steady, "")
+        reason, models, limits_of = "", [], dict.fromkeys(figures)
+        known = np.isfinite(rows).all(axis=0)
+        before = known & (time < event.start)
+        if before.sum() < SHORTEST or (known & ~before).sum() < SHORTEST:
+            reason = _too_few(rows)
+        else:
+            filled = [np.interp(time, time[known], row[known]) for row in rows]
+            smooth = low_pass(np.array(filled), event.dt)
+            measured, *models = (step_figures(time[known], row[known], event.start) for row in smooth)
+            size = abs(measured.steady - float(smooth[0][before].mean()))
+            if size < _STEP * noise:
+                reason = "the signal does not follow the step"
+            elif name in _JUDGED:
+                least = _NOISE * noise / size
+                limits_of = _step_limits(limits, measured, event.dt, least)
+        for figure in figures:
+            true = np.nan if reason else getattr(measured, figure)
+            own = reason or ("" if np.isfinite(true) else "the measured response does not get that far")
+            values = [] if own else [getattr(one, figure) - true for one in models]
+            told = unit if figure == "steady" else units.get(figure, "s")
+            yield _criterion(event.name, name, figure, "step", told, values, limits_of[figure], own)
+
+
+def _step_limits(limits: Limits, measured: StepFigures, dt: float, least: float) -> dict[str, float | None]:
+    """Largest differences of the figures of a step: parts of the measured ones, but not below what can be told: a time
+    to one reading, an overshoot to the noise (`least`).
+    """
+    found: dict[str, float | None] = {"steady": limits.steady}
+    for figure in ("reaction", "rise", "settling"):
+        time = getattr(measured, figure)
+        found[figure] = None if limits.times is None else max(limits.times * time, dt)
+    found["overshoot"] = (
+        None if limits.overshoot is None else max(limits.overshoot * measured.overshoot, least)
+    )
+    return found
 
 
 def _recovery(

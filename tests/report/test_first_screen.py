@@ -91,6 +91,14 @@ def test_how_sure_the_answer_is(told, words):
     assert certainty(told) == words
 
 
+def test_a_withdrawn_answer_gains_nothing_on_the_first_screen():
+    assert (
+        certainty(withdrawn())
+        == "What the search told first did not hold on one recording that was not fitted."
+    )
+    assert certainty(verdict("unknown")) == ""
+
+
 def test_errors_are_also_told_in_megawatts():
     rows = list(error_rows(found()))
     first = rows[0]

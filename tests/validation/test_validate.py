@@ -177,3 +177,35 @@ def test_swings_are_compared_by_frequency_and_damping():
     assert of(found, measure="damping ratio").after == pytest.approx(0.04, abs=0.005)
     calm = validate([recorded(0.8 - 0.0 * TIME)], [model], [model])
     assert of(calm, measure="frequency").outcome == "not evaluated"
+
+
+def test_a_model_that_cannot_be_simulated_is_told_and_ends_nothing():
+    seen = recorded(dip(), kind="step")
+    lost = np.full((2, len(TIME)), np.nan)
+    found = validate([seen], [seen.values], [lost], PROFILES["rte-simulation"].limits)
+    assert {one.outcome for one in found.criteria if np.isfinite(one.limit)} == {"not evaluated"}
+    assert (
+        "the model to use cannot be simulated here"
+        in of(found, signal="P", window="before", measure="ME").reason
+    )
+    assert "cannot be simulated" in of(found, signal="P", window="step", measure="rise").reason
+
+
+def test_limits_are_for_powers_and_currents_only():
+    seen = recorded(dip())
+    field = replace(seen, values=np.stack([dip(), 2.0 + dip()]), channels=("P", "Efd"))
+    found = validate([field], [field.values], [field.values + 1.0], PROFILES["rte-simulation"].limits)
+    assert of(found, signal="Efd", window="before", measure="MAE").outcome == "no limit"
+    assert of(found, signal="P", window="before", measure="MAE").outcome == "failed"
+
+
+def test_noise_around_the_final_level_is_no_overshoot():
+    rng = np.random.default_rng(8)
+    rise = 0.5 + np.where(TIME < 2.0, 0.0, 0.2 * (1 - np.exp(-np.clip(TIME - 2.0, 0, None) / 0.5)))
+    seen = recorded(rise + 1e-3 * rng.standard_normal(len(TIME)), kind="step")
+    model = np.stack([rise, 0 * TIME])
+    found = validate([seen], [model], [model], PROFILES["rte-tracking-site"].limits)
+    told = {
+        m: of(found, signal="P", measure=m).outcome for m in ("reaction", "rise", "settling", "overshoot")
+    }
+    assert set(told.values()) == {"passed"}, told
