@@ -31,6 +31,9 @@ def undrawn_figures(monkeypatch):
 
     def savefig(self, target, **options):
         picture = b'<svg xmlns="http://www.w3.org/2000/svg"/>'
-        target.write(picture) if hasattr(target, "write") else Path(target).write_bytes(picture)
+        if hasattr(target, "write"):
+            target.write(picture)
+        elif isinstance(target, str | Path):  # else the pages of a PDF
+            Path(target).write_bytes(picture)
 
     monkeypatch.setattr(Figure, "savefig", savefig)
