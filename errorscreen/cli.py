@@ -294,8 +294,10 @@ def _bench_discovery(options: argparse.Namespace, out: str) -> None:
             progress=show,
         )
     _say((folder / "tables.md").read_text(encoding="utf-8"))
-    written = ("result.json", "tables.md", "power.png", "reliability.png")
-    _say("Written: " + ", ".join(str(folder / name) for name in written))
+    _say(
+        "Written: "
+        + ", ".join(str(folder / n) for n in ("result.json", "tables.md", "power.png", "reliability.png"))
+    )
 
 
 def _bench_ablation(options: argparse.Namespace, out: str) -> None:
@@ -339,8 +341,7 @@ def _study(prepare: Callable[[], Any], out: Path, options: argparse.Namespace, p
         if not getattr(options, "accept_readings", False):
             refuse_suspects(study.observations)
         outcome = run_study(study, out, progress=not options.quiet, process=process)
-    written = write_outputs(outcome, out)
-    result = outcome.result
+    written, result = write_outputs(outcome, out), outcome.result
     if getattr(options, "json", False):
         from errorscreen._runtime.typed import to_json
 

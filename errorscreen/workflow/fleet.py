@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import logging
 import os
 import subprocess
@@ -19,8 +20,8 @@ from errorscreen.report.fleet_page import FleetRow, render_fleet
 
 #: numbers of threads that libraries read when they are loaded
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
-#: lines of a message that are kept
-_LINES = 6
+#: lines of a message that are kept, and what it begins with
+_LINES, _OWN = 6, "errorscreen: "
 _log = logging.getLogger(__name__)
 
 
@@ -118,10 +119,19 @@ def run_fleet(
 
 def _row(case: Path, name: str, folder: Path, code: int, told: str) -> FleetRow:
     if code:
-        lines = [line for line in told.strip().splitlines() if not line.startswith("note:")]
-        message = " ".join(lines[-_LINES:]) or f"it ended with code {code}"
+        message = _message(told) or f"it ended with code {code}"
         return FleetRow(name, str(case), code if code > 0 else 1, message=message)
     return FleetRow(name, str(case), 0, read_result(folder / name / "result.json"))
+
+
+def _message(told: str) -> str:
+    """The message of a run that failed, without notes and what libraries say when they are shut down."""
+    lines = [line for line in told.strip().splitlines() if not line.startswith("note:")]
+    own = next((k for k, line in enumerate(lines) if line.startswith(_OWN)), None)
+    if own is None:  # the end of a traceback
+        return " ".join(lines[-1:])
+    more = itertools.takewhile(lambda line: "resource_tracker" not in line, lines[own + 1 :])
+    return " ".join([lines[own].removeprefix(_OWN), *more][:_LINES])
 
 
 def _names(cases: Sequence[Path]) -> dict[str, Path]:

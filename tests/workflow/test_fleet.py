@@ -8,7 +8,7 @@ from errorscreen.cli import main
 from errorscreen.exceptions import InputError
 from errorscreen.report import read_result
 from errorscreen.report.fleet_page import FleetRow, render_fleet
-from errorscreen.workflow.fleet import _names, run_fleet
+from errorscreen.workflow.fleet import _message, _names, run_fleet
 from tests.report import samples
 from tests.report.test_html_report import Outline
 from tests.workflow.test_correction import CASE, folder  # noqa: F401
@@ -77,3 +77,10 @@ def test_doubtful_readings_and_limits_are_told():
     text = Outline(render_fleet([row])).text
     assert "1 doubtful" in text
     assert "Wrong parameter values" in text
+
+
+def test_a_message_is_the_programs_own():
+    told = "note: a warning\nerrorscreen: file u.dyr: does not exist.\n  - a line\nx/resource_tracker.py:1: leaked"
+    assert _message(told) == "file u.dyr: does not exist.   - a line"
+    assert _message("Traceback\n  File x\nValueError: no") == "ValueError: no"
+    assert _message("") == ""
