@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import io
-import json
 import os
 import shutil
 import signal
@@ -159,8 +158,7 @@ def _run_fleet(options: argparse.Namespace, folder: Path) -> int:
     ]
     found = run_fleet(options.cases, _writable(folder), jobs=options.jobs, options=passed)
     if options.json:
-        keys = ("name", "case", "code", "verdict", "statement", "certainty", "limits")
-        _say(json.dumps([{key: getattr(row, key) for key in keys} for row in found.rows], indent=2))
+        _say(found.as_json())
         return found.code
     for row in found.rows:
         _say(f"{row.name}: {row.verdict}. {row.statement}")

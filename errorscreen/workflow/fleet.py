@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 import logging
 import os
 import subprocess
@@ -49,6 +50,11 @@ class FleetRun:
         """How many cases ended how."""
         counts = Counter(row.verdict for row in self.rows)
         return f"{len(self.rows)} cases: " + ", ".join(f"{n} {kind}" for kind, n in counts.most_common())
+
+    def as_json(self) -> str:
+        """What the page says of each case, for programs."""
+        keys = ("name", "case", "code", "verdict", "statement", "certainty", "limits")
+        return json.dumps([{key: getattr(row, key) for key in keys} for row in self.rows], indent=2)
 
 
 def run_fleet(

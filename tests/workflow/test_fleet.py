@@ -1,5 +1,6 @@
 """Many cases: each ends on its own, one page shows all, and a second run takes over what is there."""
 
+import json
 import re
 
 import pytest
@@ -33,6 +34,7 @@ def test_each_case_has_its_report_and_a_wrong_one_its_message(fleet):
     assert "nowhere.dyr" in found.rows[2].message
     assert all((out / name / "report.html").exists() for name in ("one", "two"))
     assert found.summary() == "3 cases: 2 parameters, 1 not run"
+    assert [row["code"] for row in json.loads(found.as_json())] == [0, 0, 2]
 
 
 def test_the_page_links_the_reports_and_puts_the_open_one_first(fleet):
