@@ -220,16 +220,10 @@ def _keys(options: argparse.Namespace, out: None) -> None:
     _say(case_reference(options.section))
 
 
-def _effects(options: argparse.Namespace, out: None) -> None:
-    from errorscreen.workflow.listings import effects_table
+def _listed(table: str, options: argparse.Namespace, out: None) -> None:
+    from errorscreen.workflow import listings
 
-    _say(effects_table(options.name))
-
-
-def _models(options: argparse.Namespace, out: None) -> None:
-    from errorscreen.workflow.listings import models_table
-
-    _say(models_table(options.name))
+    _say(getattr(listings, table)(options.name))
 
 
 def _case_folder(
@@ -392,8 +386,8 @@ _COMMANDS: dict[str, Callable[..., Any]] = {
     "split": _split,
     "check": _check,
     "keys": _keys,
-    "effects": _effects,
-    "models": _models,
+    "effects": partial(_listed, "effects_table"),
+    "models": partial(_listed, "models_table"),
     "speed": _bench_speed,
     "paper": _bench_paper,
     "discovery": _bench_discovery,
