@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from urllib.parse import quote
 
-from errorscreen.report.first_screen import certainty, error_rows, model_to_use, statement
+from errorscreen.report.first_screen import certainty, model_to_use, statement
 from errorscreen.report.html_report import template
 from errorscreen.report.result import Result
 
@@ -79,10 +79,19 @@ class FleetRow:
 
     @property
     def change(self) -> float:
-        """Root mean square of the errors after, over that before, of all channels and recordings; NaN without them."""
-        rows = [] if self.result is None else [r for r in error_rows(self.result) if math.isfinite(r.after)]
-        before = math.sqrt(sum(r.before**2 for r in rows))
-        return math.sqrt(sum(r.after**2 for r in rows)) / before if before else math.nan
+        """Error after over that before, root mean square in multiples of the noise, so that channels of any unit count
+        alike; NaN without both.
+        """
+        after = model_to_use(self.result) if self.result else None
+        if self.result is None or after is None:
+            return math.nan
+        pairs = [
+            (one.chi2_per_sample, other.chi2_per_sample)
+            for one in self.result.models[0].channels
+            if (other := after.channel(one.recording, one.channel)) and math.isfinite(other.chi2_per_sample)
+        ]
+        before = sum(old for old, _ in pairs)
+        return math.sqrt(sum(new for _, new in pairs) / before) if before else math.nan
 
     @property
     def bars(self) -> list[tuple[float, float, float, str]]:

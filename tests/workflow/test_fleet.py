@@ -76,6 +76,8 @@ def test_wrong_numbers_of_jobs_are_refused(tmp_path, capsys):
 
 def test_doubtful_readings_and_limits_are_told():
     row = FleetRow("u1", "u1.toml", 0, samples.result(hints=("check P",)))
+    # chi2/N of the only channel that both models have: 1e4 rms**2, so 0.02 over 0.1
+    assert row.change == pytest.approx(0.2)
     text = Outline(render_fleet([row])).text
     assert "1 doubtful" in text
     assert "Wrong parameter values" in text
