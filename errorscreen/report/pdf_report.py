@@ -5,10 +5,12 @@ from __future__ import annotations
 import io
 import os
 import textwrap
+import warnings
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from errorscreen._runtime.display import visible
 from errorscreen._runtime.persistence import write_bytes_atomic
 from errorscreen.report.first_screen import certainty, error_rows, statement
 from errorscreen.report.html_report import ReportFigure, format_change, format_number
@@ -46,9 +48,9 @@ def write_pdf(result: Result, figures: Iterable[ReportFigure], path: str | os.Pa
 
     buffer = io.BytesIO()
     # without dates, so that the same result gives the same file
-    with PdfPages(
-        buffer, metadata={"Title": result.study.title, "CreationDate": None, "Creator": "errorscreen"}
-    ) as pages:
+    facts = {"Title": visible(result.study.title), "CreationDate": None, "Creator": "errorscreen"}
+    with warnings.catch_warnings(), PdfPages(buffer, metadata=facts) as pages:
+        warnings.filterwarnings("ignore", "Glyph .* missing")  # a box stands for a letter that the font lacks
         for page in _text_pages(_lines(result)):
             pages.savefig(page)
         for item in figures:
@@ -143,9 +145,9 @@ def _text_pages(lines: Iterable[_Line]) -> Iterator[Figure]:
             page, y = Figure(figsize=(_WIDTH, _HEIGHT)), _HEIGHT - _MARGIN
         y -= height
         family = "monospace" if even else "sans-serif"
-        # a name with dollar signs is no formula
+        # a name with dollar signs is no formula, and one with control characters has no glyphs for them
         page.text(
-            _MARGIN / _WIDTH, y / _HEIGHT, text, fontsize=size, family=family, weight="bold" if bold else "normal",
+            _MARGIN / _WIDTH, y / _HEIGHT, visible(text), fontsize=size, family=family, weight="bold" if bold else "normal",
             parse_math=False,
         )  # fmt: skip
     if page is not None:
@@ -156,6 +158,6 @@ def _captioned(item: ReportFigure) -> Figure:
     """The figure with its caption below, as it stands in a document."""
     figure = item.figure
     width = figure.get_figwidth()
-    caption = "\n".join(textwrap.wrap(item.caption, int(13 * width)))
+    caption = "\n".join(textwrap.wrap(visible(item.caption), int(13 * width)))
     figure.supxlabel(caption, fontsize=8, x=0.01, ha="left", parse_math=False)
     return figure

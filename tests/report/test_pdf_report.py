@@ -57,6 +57,12 @@ def test_names_are_no_formulas(tmp_path):
     )
 
 
+@pytest.mark.filterwarnings("error")
+def test_letters_without_a_glyph_and_control_characters_end_nothing(tmp_path):
+    odd = replace(result(), hints=("\x1b[31m \u202e \u6e2c\u8a66",))
+    assert write_pdf(odd, [], tmp_path / "a.pdf").stat().st_size > 1000
+
+
 def test_a_folder_that_is_not_there_is_told(tmp_path):
     with pytest.raises(InputError, match="cannot be written"):
         write_pdf(result(), [], tmp_path / "no" / "a.pdf")

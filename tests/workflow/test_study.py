@@ -234,7 +234,7 @@ def test_a_case_compares_recordings_with_a_grid(grid_case, tmp_path):
     for one in (c for c in before.channels if c.recording != "bus3"):
         assert after.channel(one.recording, one.channel).E < one.E
     assert outcome.result.diagnosis.final.kind == "parameters"
-    result, report = write_outputs(outcome, tmp_path)
+    result, report, _ = write_outputs(outcome, tmp_path)
     assert "Event as stated: line trip, ends [2, 3]" in result.read_text()
     assert report.stat().st_size > 10_000
 
