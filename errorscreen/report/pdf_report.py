@@ -147,9 +147,14 @@ def _text_pages(lines: Iterable[_Line]) -> Iterator[Figure]:
         family = "monospace" if even else "sans-serif"
         # a name with dollar signs is no formula, and one with control characters has no glyphs for them
         page.text(
-            _MARGIN / _WIDTH, y / _HEIGHT, visible(text), fontsize=size, family=family, weight="bold" if bold else "normal",
+            _MARGIN / _WIDTH,
+            y / _HEIGHT,
+            visible(text),
+            fontsize=size,
+            family=family,
+            weight="bold" if bold else "normal",
             parse_math=False,
-        )  # fmt: skip
+        )
     if page is not None:
         yield page
 
